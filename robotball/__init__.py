@@ -1,15 +1,14 @@
-"""A rolling ball run by contact engines and by the paper's equations, side by side.
+"""Run a rolling robot ball in contact engines and with the paper's equations, and compare.
 
     import robotball as rb
 
-    scene = rb.load_scene("fig12")        # a name of rb.catalog(), or the path of a robot's file
-    theory = rb.integrate(scene)          # the motion by the equations
-    motion = rb.simulate(scene, 5.0)      # the motion by MuJoCo, for 5 s
+    scene = rb.load_scene("fig12")    # a name in rb.catalog(), or the path of a robot file
+    theory = rb.integrate(scene)      # motion computed with the equations
+    motion = rb.simulate(scene, 5.0)  # motion simulated with MuJoCo for 5 s
     agreement = rb.compare(scene, settings="balanced")  # both motions, their errors, a verdict
     print(agreement.path_error, motion.report)
 
-`compare` and the studies are in the package `validation`, which comes with this one and stands on
-it. Here are its everyday names alone.
+`compare` and the studies are implemented in the package `validation`, which imports this one.
 """
 
 import os
@@ -20,9 +19,9 @@ from types import ModuleType
 
 import lazy_loader
 
-# What is named in __init__.pyi is loaded when it is first used.
+# The names in __init__.pyi are imported on first use.
 _loaded, _, _own = lazy_loader.attach_stub(__name__, __file__)
-# Of `validation`, which needs all of this.
+# Imported from `validation`.
 _EVERYDAY = ("Agreement", "assert_agrees", "compare", "compare_many", "sweep")
 __all__ = sorted([*_own, *_EVERYDAY])
 
@@ -32,10 +31,10 @@ def __dir__() -> list[str]:
 
 
 def validation_package(module: str = "") -> ModuleType:
-    """Import the validation package, or its module of a name such as ".cli".
+    """Import the validation package, or one of its modules such as ".cli".
 
-    It lies in this package if a wheel was installed, as `validation` may then be the name of
-    another package, and beside this package in the checkout.
+    A wheel installs it inside this package, because `validation` may be the name of another
+    package; in the checkout it is a sibling folder.
     """
     inside = Path(__file__).with_name("validation").is_dir()
     return import_module(f"{__name__}.validation{module}" if inside else f"validation{module}")
@@ -47,8 +46,8 @@ def __getattr__(name: str) -> object:
     try:
         return _loaded(name)
     except (AttributeError, RuntimeError, ImportError) as error:
-        # Python would take an AttributeError of MuJoCo's import to say that this module has no such
-        # name. Only where MUJOCO_GL names an OpenGL does that import fail so.
+        # If MUJOCO_GL names a missing OpenGL, importing MuJoCo fails with an AttributeError, which
+        # Python would report as an unknown name of this package.
         if os.environ.get("MUJOCO_GL"):
             from robotball.errors import InputError
             from robotball.view.gl import advice, ended_import
@@ -58,7 +57,7 @@ def __getattr__(name: str) -> object:
         raise error from None
 
 
-# A notebook shows scenes and motions as cells.
+# Display scenes and motions as notebook cells.
 if (shell := getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()) is not None:
     from robotball.view.notebook import register
 

@@ -28,7 +28,7 @@ from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
 from .files.trajectories import Trajectory as Trajectory
 from .files.trajectories import read_trajectory as read_trajectory
-from .fit.evidence import Found as Found
+from .fit.evidence import Estimate as Estimate
 from .fit.evidence import SensorFit as SensorFit
 from .fit.fitting import Fit as Fit
 from .fit.fitting import fit as fit

@@ -1,8 +1,4 @@
-"""Motion: the result of every engine, with its faults and report.
-
-In order: faults, engine settings, the report, Motion, the four errors of a motion against a
-reference with one scale each, and the joining of consecutive parts.
-"""
+"""Motion, the result of every engine: faults, report, and errors against a reference."""
 
 import platform
 import sys
@@ -26,18 +22,30 @@ from robotball.rotations import Array, angle_between, rotation_matrix
 Progress = Callable[[float], None]
 """Called with the fraction of the work that is done."""
 
-_PACKAGES = ("robotball", "mujoco", "numpy", "scipy")  # on whose versions numbers depend
-# The limits that every engine's run is held to.
-DIVERGED = 1e10  # a state beyond it is no result; MuJoCo's own limit (mjMAXVAL)
-_LEAST_TIME = 1e-9  # s; the resolution of a clock at best
-RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
+_PACKAGES = ("robotball", "mujoco", "numpy", "scipy")  # their versions affect the numbers
+# Limits for the runs of every engine.
+DIVERGED = 1e10  # SI units: a larger state value means divergence, like MuJoCo's mjMAXVAL
+_LEAST_TIME = 1e-9  # s, the resolution of a good clock
+RATE_ERROR = 1e-3  # relative error of a hinge rate; prescribed hinges reach 1e-13, servos 1e-3
+_TOLERANCE_TIME = 10.0  # s, the duration for which an error tolerance is stated
+_LOOSEST = 1e-2  # upper limit of a tolerance for longer runs
+# Long motions are processed in pieces, because temporaries of a whole motion would need more memory
+# than the motion. A multiple of BLAS's block size, so that results do not depend on the cuts.
+PIECE = 65_536  # samples
+
+_Preset = TypeVar("_Preset", bound="EngineSettings")
+_Extended = TypeVar("_Extended", bound="Motion")
+_Record = TypeVar("_Record")
+_ArrayPath = tuple[str, ...]  # names of nested fields, such as ("loads", "motor_torques")
+
+_installed_version = cache(version)
 
 
 class FaultKind(Enum):
     """Name the kinds of fault, causes before their effects.
 
-    The value of a kind is the sentence that a user reads. In it, {subject} stands for the faulty
-    part, and {limit} for the limit that was passed, or {percent}.
+    The value is the sentence that the user reads. {subject} is the faulty part; {limit} or
+    {percent} is the limit that was exceeded.
 
     Examples
     --------
@@ -55,35 +63,35 @@ class FaultKind(Enum):
     ENGINE_WARNED = "the engine warned of {subject}"
     SLIPPED = "slipped over {limit:g} of the path"
     MOMENTUM_OFF = "M off by over {limit:g}"
-    OFF = "path or M off by over {limit:g}, as runs in other steps estimate"
+    OFF = "estimated path or momentum error over {limit:g}"
     STEP_TOO_SHORT = "the steps became too short ({subject})"
-    OUT_OF_STEPS = "max_steps = {limit:.0f} are taken"
+    OUT_OF_STEPS = "max_steps = {limit:.0f} reached"
 
 
 def measured_time(seconds: float) -> float:
-    """Return a measured time [s] that can be divided by: a coarse clock may show 0."""
+    """Return a measured time [s] that is safe to divide by: a coarse clock may read 0."""
     return max(seconds, _LEAST_TIME)
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Describe a fault of a run, and when it begins.
+    """Describe a fault of a run.
 
     Attributes
     ----------
     kind : FaultKind
-        The kind of the fault.
+        The kind of fault.
     time : float, s
-        The time at which the fault begins.
+        When the fault begins.
     subject : str
-        The faulty part, if the sentence of the kind names one.
+        The faulty part, if the kind's sentence names one.
     limit : float
-        The limit that was passed, if the sentence of the kind names one.
+        The limit that was exceeded, if the kind's sentence names one.
     fatal : bool
         Whether the fault ended the run.
     note : bool
-        Whether the event belongs to the motion and is no fault. A motor at the limit that its scene
-        gives is one.
+        True for an event that is part of the motion and not a fault, such as a motor at the torque
+        limit that its scene specifies.
 
     Examples
     --------
@@ -108,27 +116,24 @@ class Fault:
 
     def __str__(self) -> str:
         when = f"t = {self.time:.6g} s"
-        lasts = self.kind is FaultKind.RATE_OFF
-        return f"{self.text} from {when} on" if lasts else f"{self.text} at {when}"
+        persists = self.kind is FaultKind.RATE_OFF
+        return f"{self.text} from {when} on" if persists else f"{self.text} at {when}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class EngineSettings:
-    """Hold the settings that all engines have.
-
-    The settings of an engine are a subclass, which adds fields of its own.
+    """Hold the settings that all engines share. Each engine subclasses it to add its own.
 
     Attributes
     ----------
     name : str
         The name of the settings, for tables and files.
     error_tolerance : float
-        The largest relative path error and momentum error that the settings are held to, over 10 s
-        on the scenes of the catalog.
+        The largest path error and momentum error (both relative) allowed in 10 s on catalog scenes.
     accuracy : float or None
-        The path error that the settings were chosen for. None if they were not chosen for one.
+        The path error that the settings were chosen for, if any.
     stop_at_fault : bool
-        Whether a run ends at its first fault. Otherwise it goes on as long as there is a state.
+        Whether a run ends at its first fault. Otherwise it continues while the state is finite.
 
     Examples
     --------
@@ -144,7 +149,7 @@ class EngineSettings:
     stop_at_fault: bool = True
 
     def plain(self) -> dict[str, Any]:
-        """Return the settings as plain data, without those that are None."""
+        """Return the settings as JSON-compatible data, without those that are None."""
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in asdict(self).items()
@@ -152,11 +157,8 @@ class EngineSettings:
         }
 
 
-_Preset = TypeVar("_Preset", bound=EngineSettings)
-
-
 def preset_named(presets: Mapping[str, _Preset], name: str) -> _Preset:
-    """Return an engine's preset by name. Raises InputError, with near matches, if there is none."""
+    """Return a preset by name. Raises InputError, with near matches, if the name is unknown."""
     if name not in [*presets]:
         raise unknown("preset", name, presets)
     return presets[name]
@@ -164,7 +166,7 @@ def preset_named(presets: Mapping[str, _Preset], name: str) -> _Preset:
 
 @dataclass(frozen=True)
 class Label:
-    """The name, version, colour and matplotlib's marker of an engine in tables, plots and films."""
+    """Name, version, colour and matplotlib marker of an engine in tables, plots and films."""
 
     name: str
     version: str
@@ -173,26 +175,21 @@ class Label:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions and the machine that the numbers of this process depend on."""
+    """Return the machine and package versions that this process's numbers depend on."""
     machine = f"{platform.system()} {platform.machine()}"
     packages = {package: _version_of(package) for package in _PACKAGES}
     return {"python": platform.python_version(), "machine": machine, **packages}
 
 
 def _version_of(package: str) -> str:
-    # A package that is loaded knows its version, whatever is installed beside it.
+    # Prefer the loaded package: a different version may be installed.
     loaded = getattr(sys.modules.get(package), "__version__", None)
-    return str(loaded or _installed(package))
-
-
-_installed = cache(version)
+    return str(loaded or _installed_version(package))
 
 
 @dataclass(frozen=True)
 class ContactReport(Value):
-    """Report on a contact engine's run.
-
-    Arrays (n,) have one value for each time of the motion.
+    """Report on a contact engine's run. Arrays (n,) hold one value per sample of the motion.
 
     Attributes
     ----------
@@ -203,31 +200,31 @@ class ContactReport(Value):
     spin : (n,), rad/s
         The angular velocity of the shell about the vertical.
     depth : (n,), m
-        How deep the shell is in the plane. The lever arm of the contact is shorter by as much.
+        Penetration of the shell into the plane. It shortens the lever arm of the contact.
     friction_used : (n,)
-        The fraction of the friction cone that the contact force takes. At 1 the cone is saturated.
-        NaN if the engine does not report contact forces.
+        The used fraction of the friction cone; 1 is saturated. NaN if the engine does not report
+        contact forces.
     hinge_rate_error : (n,)
-        The largest error of a rate that is given exactly, relative to it. A motor's lag is none.
+        The largest relative error of a prescribed hinge rate. Motor lag does not count.
     faults : tuple of Fault
-        The faults, the earliest first. Empty for a sound run.
+        The faults, earliest first. Empty for a sound run.
     timestep : float, s
         The longest step taken.
     steps : int
         The number of steps taken.
     seconds : float, s
-        The processor time of the steps, without the set-up.
+        Processor time of the steps, without set-up.
     total_seconds : float, s
-        The processor time together with the runs that chose or checked the settings.
+        Processor time including set-up runs that chose or checked the settings.
     estimated_error : float or None
-        The estimated path error, relative to the path's length. None if no accuracy was requested.
+        The estimated path error, relative to the path length. None if no accuracy was requested.
     notes : tuple of Fault
-        Events that belong to the motion and are no faults.
+        Events that are part of the motion and not faults.
     python_seconds : float or None, s
-        The part of `seconds` that Python takes at the steps. None if it is not measured.
+        The part of `seconds` spent in Python. None if not measured.
     versions : mapping of str to str
-        The versions of Python and of packages in the process that ran the engine. That may be one
-        of the engine's own environment.
+        Versions of Python and packages in the process that ran the engine, which may belong to
+        the engine's separate environment.
 
     Examples
     --------
@@ -262,7 +259,7 @@ class ContactReport(Value):
             "share of the friction cone used": self.friction_used,
             "relative error of a hinge's rate": self.hinge_rate_error,
         }
-        # A run that broke off in its first step has none.
+        # A run that ended in its first step has no samples.
         readings = [
             f"largest {name}: {np.max(np.abs(row)):.2g}"
             for name, row in largest.items()
@@ -277,32 +274,30 @@ class ContactReport(Value):
 
 @dataclass(frozen=True, repr=False)
 class Motion(Value):
-    """Hold the motion of a scene's ball, sampled at n times, with h hinges.
-
-    The hinges are the frame's, then the rotors'.
+    """Hold the motion of a scene's ball at n sample times, with h hinges: frame, then rotors.
 
     Attributes
     ----------
     scene : Scene
         The scene that was run.
     engine : Label
-        The name, version and colour of the engine that made the motion.
+        The engine that computed the motion.
     times : (n,), s
-        The sample times. Fewer than requested if the run broke off.
+        The sample times. Fewer than requested if the run ended early.
     contact_point : (n, 2), m, world
         The point at which the ball touches the plane.
     attitude : (n, 4), frame to world
         Unit quaternions (w, x, y, z) of the frame.
     momentum : (n, 3), kg m²/s, world
-        The angular momentum M of the paper. It is constant in space if the scene keeps it.
+        The paper's angular momentum M, which is constant in world axes if the scene conserves it.
     angular_velocity : (n, 3), rad/s, frame axes
         The angular velocity of the frame.
     hinge_angles : (n, h), rad
-        The angles of the hinges, from those of the scene's start on.
+        The hinge angles, continuing from the scene's initial angles.
     hinge_rates : (n, h), rad/s
-        The rates of the hinges.
+        The hinge rates.
     loads : Loads
-        The forces and torques that the motion needs.
+        The forces and torques that the motion requires.
 
     Examples
     --------
@@ -337,28 +332,28 @@ class Motion(Value):
 
     @property
     def gamma(self) -> Array:
-        """γ (n, 3): the upward vertical, frame axes."""
+        """Upward unit vertical γ (n, 3), frame axes."""
         return _gamma_of(self.attitude)
 
     @property
     def motor_powers(self) -> Array:
-        """The power (n, h) of the motors [W]."""
+        """Motor powers (n, h) [W]."""
         return self.loads.motor_torques * self.hinge_rates
 
     @property
     def path_length(self) -> float:
-        """The length of the sampled contact-point path [m]."""
+        """Length of the sampled contact-point path [m]."""
         return float(np.linalg.norm(np.diff(self.contact_point, axis=0), axis=1).sum())
 
     @property
     def path_scale(self) -> float:
-        """The unit of relative path errors [m]: `path_unit` of the whole path."""
+        """Unit of relative path errors [m]: `path_unit` of the whole path."""
         return float(path_unit(self.scene, self.path_length))
 
     def save(self, path: str | Path) -> None:
         """Write the motion as .csv, .npz or .parquet. `load_motion` restores every bit.
 
-        The header has the scene's TOML, the engine and the units. The report of a contact engine is
+        The header holds the scene's TOML, the engine and the units. A contact engine's report is
         not written. Raises InputError if the file cannot be written.
         """
         from robotball.files.trajectories import write_motion
@@ -379,29 +374,27 @@ class Motion(Value):
 
 
 def _gamma_of(attitude: Array) -> Array:
-    """Return γ (n, 3) of attitudes (n, 4)."""
     return rotation_matrix(attitude)[:, 2, :]
 
 
 @dataclass(frozen=True, repr=False)
 class ReferenceMotion(Motion):
-    """Hold a motion by equations, against which other motions are measured.
+    """Hold a motion computed with the equations, to compare other motions with.
 
-    It has the attributes of `Motion` as well.
+    It also has the attributes of `Motion`.
 
     Attributes
     ----------
     again : callable
-        Returns the contact points (n, 2) of the motion by longer steps [m].
+        Returns the contact points (n, 2) [m], integrated with longer steps.
     motor_work : (n, h), J, or None
-        The work of the motors since the start. None by the reduced equations.
+        Cumulative work of the motors. None with the reduced equations, as the next two.
     rolling_loss : (n,), J, or None
-        The work lost to rolling resistance. None by the reduced equations.
+        Cumulative loss to rolling resistance.
     plane_work : (n,), J, or None
-        The work of a moving plane on the ball since the start, in space. None by the reduced
-        equations.
+        Cumulative work of a moving plane on the ball, in world axes.
     ended : str or None
-        Which joint's range ended the motion early, and when.
+        Which joint limit ended the motion early, and when.
 
     Examples
     --------
@@ -419,11 +412,11 @@ class ReferenceMotion(Motion):
 
     @cached_property
     def reference_error(self) -> float:
-        """The motion's own path error over its `path_scale`, estimated by integrating again.
+        """Path error of this motion itself over `path_scale`, estimated with longer steps.
 
-        The second motion has longer steps; it is computed at the first use of this property. The
-        estimate is at least a few roundings, as two motions may agree by chance. Against steps in
-        80-bit numbers, the error was 0.06 to 2.1 of it on the catalog's steady scenes.
+        The second integration runs on first use. The estimate is at least 4 machine epsilons, as
+        two integrations may agree by chance. The true error, measured against 80-bit steps, was
+        0.06 to 2.1 times the estimate on the steady scenes of the catalog.
         """
         off = _distances(self.contact_point, self.again())
         return max(float(off.max() / self.path_scale), 4 * float(np.finfo(float).eps))
@@ -431,9 +424,9 @@ class ReferenceMotion(Motion):
 
 @dataclass(frozen=True, repr=False)
 class ContactMotion(Motion):
-    """Hold a motion by a contact engine.
+    """Hold a motion simulated with a contact engine.
 
-    It has the attributes of `Motion` as well.
+    It also has the attributes of `Motion`.
 
     Attributes
     ----------
@@ -451,93 +444,74 @@ class ContactMotion(Motion):
     report: ContactReport
 
 
-_Extended = TypeVar("_Extended", bound=Motion)
-
-
 def extended(motion: Motion, kind: type[_Extended], **more: Any) -> _Extended:
-    """Return a motion as one of a kind with more fields; fields that are given replace its own."""
-    return kind(**{each.name: getattr(motion, each.name) for each in fields(Motion)} | more)
+    """Return the motion as class `kind`, with additional or replaced fields."""
+    return kind(**{field.name: getattr(motion, field.name) for field in fields(Motion)} | more)
 
 
-_Place = tuple[str, ...]
-
-
-def arrays_of(record: Any, place: _Place = ()) -> Iterator[tuple[_Place, NDArray[Any]]]:
-    """Yield the arrays over time of a motion or of readings, by their names.
-
-    Those of loads and report are among them.
-    """
-    for each in fields(record):
-        value = getattr(record, each.name)
+def arrays_of(record: Any, path: _ArrayPath = ()) -> Iterator[tuple[_ArrayPath, NDArray[Any]]]:
+    """Yield the time-dependent arrays of a motion or readings, including loads and report."""
+    for member in fields(record):
+        value = getattr(record, member.name)
         if isinstance(value, np.ndarray):
-            yield (*place, each.name), value
+            yield (*path, member.name), value
         elif isinstance(value, Loads | ContactReport):
-            yield from arrays_of(value, (*place, each.name))
-
-
-# Long motions are made and measured in pieces: temporaries of a whole one would need more memory
-# than the motion itself. The length is a multiple of what BLAS takes at once; else the last bits of
-# a result would depend on where it is cut.
-PIECE = 65_536  # samples
+            yield from arrays_of(value, (*path, member.name))
 
 
 def pieces(count: int) -> Iterator[slice]:
-    """Yield the consecutive pieces of `count` samples, of PIECE at most."""
+    """Yield consecutive slices of at most PIECE samples."""
     for i in range(0, count, PIECE):
         yield slice(i, min(i + PIECE, count))
 
 
-# The errors of a motion against a reference, whose times have the motion's times among them.
-
-
-_TOLERATED = 10.0  # s, the run for which an error tolerance is stated
-_LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
-
-
 def tolerated(tolerance: float, times: ArrayLike) -> Array:
-    """Return the momentum error that is tolerated by each of the times [s], growing with them.
+    """Return the allowed momentum error at times [s].
 
-    Every step loses or gains its part of M, so an error of M grows with time. A tolerance is stated
-    for ten seconds; a longer run has more in proportion, up to 1e-2.
+    M drifts at every step, so its error grows with time. The tolerance holds for the first 10 s
+    and grows in proportion afterwards, up to 1e-2.
     """
-    stretched = tolerance * np.maximum(1.0, np.asarray(times) / _TOLERATED)
+    stretched = tolerance * np.maximum(1.0, np.asarray(times) / _TOLERANCE_TIME)
     return np.minimum(stretched, max(tolerance, _LOOSEST))
 
 
 def path_unit(scene: Scene, length: ArrayLike) -> Array:
-    """Return the unit of errors and slip along paths of these lengths [m]: at least the radius.
+    """Return the unit of path errors and slip [m]: the path length, but at least the radius.
 
-    A ball that turns on the spot has no path. At the start the path is still short while
-    regularised friction already slips. The radius is the unit until the path is longer.
+    A ball that spins on the spot has no path, and at the start regularised friction slips while
+    the path is still short.
     """
     return np.maximum(length, scene.ball.radius)
 
 
 def slip_with_spin(scene: Scene, slip: Array, spin: Array) -> Array:
-    """Return the slip (n,) that is held to the path [m/s]: with a rubber ball's spin at its radius.
+    """Return the slip (n,) to be compared with the path [m/s].
 
-    slip: m/s; spin: rad/s, about the vertical.
+    slip: [m/s]; spin about the vertical [rad/s], which a rubber ball adds at its radius.
     """
     return slip + scene.ball.radius * np.abs(spin) if scene.rolling == "rubber" else slip
 
 
 def path_errors(motion: Motion, reference: Motion) -> Array:
-    """Return the distances (n,) of the two contact points at the motion's times [m]."""
+    """Return the distances (n,) between the contact points at the motion's times [m].
+
+    The reference's times must include the motion's, here and below. Raises InputError if not.
+    """
     return _distances(motion.contact_point, reference.contact_point[_shared(motion, reference)])
 
 
 def path_error(motion: Motion, reference: Motion) -> float:
-    """Return the largest of `path_errors` over the reference's `path_scale`."""
+    """Return the largest of `path_errors`, relative to the reference's `path_scale`."""
     return float(path_errors(motion, reference).max() / reference.path_scale)
 
 
 def attitude_error(motion: Motion, reference: Motion) -> float:
-    """Return the largest angle by which the two frames are turned against each other [rad]."""
+    """Return the largest rotation angle between the two frames [rad]."""
     return _largest(angle_between, motion, reference)
 
 
 def gamma_error(motion: Motion, reference: Motion) -> float:
-    """Return the largest angle between the two verticals, seen from the frame [rad]."""
+    """Return the largest angle between the two verticals in frame axes [rad]."""
 
     def angles(ours: Array, theirs: Array) -> Array:
         one, other = _gamma_of(ours), _gamma_of(theirs)
@@ -548,7 +522,7 @@ def gamma_error(motion: Motion, reference: Motion) -> float:
 
 
 def momentum_errors(motion: Motion, reference: Motion) -> Array:
-    """Return |M - M of the reference| (n,) over its scene's `momentum_scale`."""
+    """Return |M - M of the reference| (n,), relative to the reference's `momentum_scale`."""
     theirs = reference.momentum[_shared(motion, reference)]
     return _distances(motion.momentum, theirs) / reference.scene.momentum_scale
 
@@ -563,73 +537,66 @@ def _distances(ours: Array, theirs: Array) -> Array:
 
 
 def _largest(angles: Callable[[Array, Array], Array], motion: Motion, reference: Motion) -> float:
-    """Return the largest of the angles between the attitudes of two motions [rad]."""
     ours, theirs = motion.attitude, reference.attitude[_shared(motion, reference)]
-    return max(float(angles(ours[each], theirs[each]).max()) for each in pieces(len(ours)))
+    return max(float(angles(ours[piece], theirs[piece]).max()) for piece in pieces(len(ours)))
 
 
 def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
-    """Return the places (n,) of the motion's times among the reference's."""
-    # A slice is a view: the usual motion, at all of the reference's times, copies nothing.
+    # Usually all times are shared: a slice is a view and copies nothing.
     first = slice(len(motion.times))
     if np.array_equal(reference.times[first], motion.times):
         return first
-    places = np.searchsorted(reference.times, motion.times)
-    found = reference.times[np.minimum(places, len(reference.times) - 1)]
-    if not np.array_equal(found, motion.times):
-        missing = float(motion.times[found != motion.times][0])
-        raise InputError(f"t = {missing:g} s of the motion is no time of the reference")
-    return places
-
-
-_Record = TypeVar("_Record")
+    indices = np.searchsorted(reference.times, motion.times)
+    shared = reference.times[np.minimum(indices, len(reference.times) - 1)]
+    if not np.array_equal(shared, motion.times):
+        missing = float(motion.times[shared != motion.times][0])
+        raise InputError(f"the reference has no sample at t = {missing:g} s of the motion")
+    return indices
 
 
 class Joined(Generic[_Record]):
-    """One motion, or other record of arrays over time, of consecutive parts.
+    """Concatenate the parts of a motion, or of another record of arrays over time.
 
-    count: of the times in all, at most.
-
-    The parts are written into arrays of the whole length as they come: np.concatenate would hold
-    every part beside the whole.
+    count: upper limit of the total number of samples. Arrays of that length are allocated once:
+    np.concatenate would hold all parts and the whole at the same time.
     """
 
     def __init__(self, count: int) -> None:
         self._count, self._done = count, 0
-        self._whole: dict[_Place, NDArray[Any]] = {}
+        self._whole: dict[_ArrayPath, NDArray[Any]] = {}
         self._last: _Record | None = None
 
     def add(self, part: _Record) -> None:
         """Append the next part."""
         arrays = dict(arrays_of(part))
         size = len(next(iter(arrays.values())))
-        for place, array in arrays.items():
-            if place not in self._whole:
-                self._whole[place] = np.empty((self._count, *array.shape[1:]), array.dtype)
-            self._whole[place][self._done : self._done + size] = array
+        for path, array in arrays.items():
+            if path not in self._whole:
+                self._whole[path] = np.empty((self._count, *array.shape[1:]), array.dtype)
+            self._whole[path][self._done : self._done + size] = array
         self._done, self._last = self._done + size, part
 
     @property
     def whole(self) -> _Record:
-        """The record of the parts so far, which are one at least."""
+        """The record of all parts so far, at least one."""
         assert self._last is not None
-        whole = {place: array[: self._done] for place, array in self._whole.items()}
+        whole = {path: array[: self._done] for path, array in self._whole.items()}
         record: _Record = with_arrays(self._last, whole)
         return record
 
 
 def joined(parts: Iterable[_Record], count: int) -> _Record:
-    """Return one record of its consecutive parts, as Joined; one part is in memory at a time."""
+    """Concatenate consecutive parts, of which one at a time is in memory."""
     parts_so_far = Joined[_Record](count)
     for part in parts:
         parts_so_far.add(part)
     return parts_so_far.whole
 
 
-def with_arrays(record: Any, arrays: Mapping[_Place, NDArray[Any]]) -> Any:
-    """Return the record with these arrays in the place of its own: `arrays_of`, the other way."""
-    own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
-    for name in {place[0] for place in arrays} - set(own):
-        inner = {place[1:]: array for place, array in arrays.items() if place[0] == name}
-        own[name] = with_arrays(getattr(record, name), inner)
-    return replace(record, **own)
+def with_arrays(record: Any, arrays: Mapping[_ArrayPath, NDArray[Any]]) -> Any:
+    """Return the record with its arrays replaced; the inverse of `arrays_of`."""
+    changes: dict[str, Any] = {path[0]: array for path, array in arrays.items() if len(path) == 1}
+    for name in {path[0] for path in arrays} - set(changes):
+        inner = {path[1:]: array for path, array in arrays.items() if path[0] == name}
+        changes[name] = with_arrays(getattr(record, name), inner)
+    return replace(record, **changes)

@@ -1,10 +1,10 @@
-"""Work on as many cores as are allowed: compiled loops in threads, Python's code in processes.
+"""Run work in parallel: compiled loops in threads, Python code in processes.
 
-Compiled loops release the interpreter's lock, which Python's own code holds.
+Compiled loops release the interpreter lock; Python code holds it.
 
-Each process shares a pipe with one thread here and nothing with any other process. Where processes
-share a queue, as those of concurrent.futures and pebble do, one that is killed may keep the queue's
-lock: after several random kills all others wait for it, or the whole pool breaks.
+Each process has its own pipe to one thread of this process and shares nothing with the others. With
+a shared queue, as in concurrent.futures and pebble, a killed process may keep the queue's lock:
+after a few random kills all others would wait for it, or the whole pool would break.
 """
 
 import fcntl
@@ -37,20 +37,20 @@ if TYPE_CHECKING:
 
 Queue: TypeAlias = "NDArray[np.int64]"
 
-_NO_MORE = 2**62  # past the end of any queue
+_PAST_THE_END = 2**62  # a job number beyond any queue
 
 _most: ContextVar[int | None] = ContextVar("most", default=None)
-# The libraries' own threads would take the cores of the other processes.
+# Threads of numerical libraries would take the cores of the other processes.
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
-# Its server imports the work once, and then starts a process in milliseconds.
+# Its server imports the work once and then starts a process within milliseconds.
 _FORKSERVER = multiprocessing.get_context("forkserver")
-_CHILDREN = threading.Lock()  # multiprocessing polls all processes when one starts, in any thread
-_TRIES = 10  # starts of a process that is killed before it is ready
-_IDLE = 60.0  # s that a process waits for a job before it ends, as after a sweep on a dask worker
-_GRACE = 1.0  # s for a process to end in; compiled code, which writes no file, is killed then
-_PARTS = 20  # a limit is waited for in so many parts: a time in which we are stopped takes one
+_CHILDREN = threading.Lock()  # multiprocessing polls all processes when any thread starts one
+_MAX_STARTS = 10  # attempts to start a process that is killed before it is ready
+_IDLE = 60.0  # s without a job until a process ends, for example after a sweep on a dask worker
+_GRACE = 1.0  # s for a process to end; then it is killed (compiled code writes no files)
+_LIMIT_PARTS = 20  # a limit is awaited in parts: if this process is suspended, one part is lost
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -59,9 +59,9 @@ Answer: TypeAlias = tuple[Any, list[str]]  # the result of a job, and the texts 
 
 @contextmanager
 def at_most(count: int | None) -> Iterator[None]:
-    """Let so many threads work at once in the block; None allows as many as there are cores.
+    """Limit the parallel threads or processes in the block; None allows one per core.
 
-    The digits of a result are the same at any number. Raises InputError for less than one.
+    Results do not depend on the count, to the last digit. Raises InputError if it is below 1.
     """
     token = _most.set(None if count is None else check_count("threads", count, 1))
     try:
@@ -71,53 +71,53 @@ def at_most(count: int | None) -> Iterator[None]:
 
 
 def allowed() -> int:
-    """Return how many threads or processes may work at once here."""
+    """Return how many threads or processes may run at once."""
     return _most.get() or cores()
 
 
 def in_threads(work: Callable[[Queue], None], most: int) -> None:
-    """Call `work` in at most so many threads at once, and in no more than are allowed.
+    """Call `work` in at most `most` parallel threads, within the limit of `at_most`.
 
-    work: takes numbers from the queue (1,), which holds the next, until all is done, and writes its
-    results into their places; to be of use it must release the interpreter's lock.
+    work: takes job numbers from the queue (1,), which holds the next one, until all are done, and
+    writes each result to its own location. It must release the interpreter lock to gain anything.
     """
-    # Here, as to count cores must not load it.
-    import numpy as np
+    import numpy as np  # late: counting cores must not load it
 
     queue = np.zeros(1, np.int64)
     threads = min(most, allowed())
     if threads < 2:
         work(queue)
         return
-    # A loop that is called in one of the threads must not start threads of its own.
+    # A loop called in one of the threads must not start further threads.
     with futures.ThreadPoolExecutor(threads, initializer=_most.set, initargs=(1,)) as executor:
         try:
             running = [executor.submit(work, queue) for _ in range(threads)]
-            for each in futures.as_completed(running):
-                each.result()
+            for thread in futures.as_completed(running):
+                thread.result()
         except BaseException:
-            # The other threads end with the job that they have, also where Ctrl-C is pressed.
-            queue[0] = _NO_MORE
+            # Let the other threads finish their current job and end, also after Ctrl-C.
+            queue[0] = _PAST_THE_END
             raise
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
-    # A container or a scheduler may allow fewer cores than the machine has.
-    affinity = getattr(os, "sched_getaffinity", None)  # which macOS has not
+    """Return how many cores this process may use, which a container or scheduler may limit."""
+    affinity = getattr(os, "sched_getaffinity", None)  # missing on macOS
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def in_processes(
     work: Callable[[_Job], _Result], jobs: Sequence[_Job], least: int = 2, *, or_here: bool = False
 ) -> Iterator[_Result]:
-    """Yield the results of jobs in their order, from as many processes as `at_most` allows.
+    """Yield the results of jobs in order, computed in as many processes as `at_most` allows.
 
-    work: a module's function, `partial` of one, or an object that can be called; like jobs and
-    results it can be pickled. With one process, or fewer jobs than `least`, it is called here: a
-    process takes a second to start. Its warnings and errors are the caller's. The processes end
-    with the iterator. or_here: work and jobs that cannot be pickled, as with a user's functions in
-    them, are done here. Raises ChildProcessError where one of them dies.
+    work: a module-level function, a `partial` of one, or a callable object; it, the jobs and the
+    results must be picklable. It is called in this process if only one is allowed or there are
+    fewer jobs than `least`, because a process takes a second to start. Warnings and errors are
+    passed to the caller. The processes end with the iterator.
+    or_here: do the jobs in this process if they cannot be pickled, for example because they hold a
+    user's functions.
+    Raises ChildProcessError if a process dies.
     """
     count = min(allowed(), len(jobs))
     pickled = pickled_jobs(work, jobs) if or_here and count > 1 else None
@@ -126,7 +126,7 @@ def in_processes(
         return
     with pool(partial(_of_pickled, work) if pickled else work, count) as submit:
         waiting: Iterator[Any] = iter(pickled or jobs)
-        # As many as keep every process busy: the results of a film's frames would fill the memory.
+        # Enough to keep every process busy; all results of a film's frames would fill the memory.
         in_order = deque(submit(job) for job in islice(waiting, 2 * count))
         running = set(in_order)
         while running:
@@ -142,7 +142,7 @@ def in_processes(
 
 
 def pickled_jobs(work: object, jobs: Iterable[object]) -> list[bytes] | None:
-    """Return the jobs as other processes are given them, None where they or the work cannot be."""
+    """Return the jobs, each pickled, or None if they or the work cannot be pickled."""
     try:
         pickle.dumps(work)
         return [pickle.dumps(job) for job in jobs]
@@ -158,20 +158,20 @@ def _answer(future: futures.Future[Answer]) -> Answer:
     try:
         return future.result()
     except EndedError:
-        raise ChildProcessError("a process was ended from outside") from None
+        raise ChildProcessError("a worker process was killed from outside") from None
 
 
 def prepare(*modules: str) -> None:
-    """Have modules imported for the processes that will need them, beside other work here."""
+    """Import modules in the background for processes that will need them."""
     if allowed() > 1:
         _start_server(modules)
 
 
 @contextmanager
 def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., futures.Future[Answer]]]:
-    """Give a function that has a job, and its limit [s], answered by one of so many workers.
+    """Start `count` workers and yield a function (job, limit [s]) that submits a job to one.
 
-    Its futures are those of `Worker.answer`. The processes end with the block, whatever they do.
+    It returns a future for the result of `Worker.answer`. The processes end with the block.
     """
     workers = [Worker(work) for _ in range(count)]
     free = list(workers)
@@ -200,8 +200,8 @@ def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., futur
 class EndedError(Exception):
     """A process ended before its job did.
 
-    status: of its exit; the signal's number, negative, where it was killed; None where it was ended
-    for a job that took longer than its limit.
+    status: exit status, or minus the signal number if it was killed; None if it was ended because
+    the job exceeded its time limit.
     """
 
     def __init__(self, status: int | None) -> None:
@@ -210,9 +210,9 @@ class EndedError(Exception):
 
 
 class Worker:
-    """A process that does jobs for one thread, started when first needed and again after its end.
+    """A process that does jobs for one thread. It starts on first use and restarts if it died.
 
-    work: a function that can be pickled.
+    work: a picklable function.
     """
 
     def __init__(self, work: Callable[[Any], Any]) -> None:
@@ -221,12 +221,12 @@ class Worker:
         self._closed = False
 
     def answer(self, job: Any, limit: float | None = None) -> Answer:
-        """Return what `work` makes of a job; its errors are raised here.
+        """Return `work(job)` and the texts of its warnings, or raise its error.
 
-        Raises EndedError where the process dies, or is killed as the job takes longer than `limit`
-        [s], and ChildProcessError where none can be started.
+        Raises EndedError if the process dies or is killed because the job took longer than `limit`
+        [s], and ChildProcessError if no process can be started.
         """
-        # Between two jobs nothing comes through the pipe but its end.
+        # Between jobs the pipe is readable only if the process has ended.
         if self._process is None or self._pipe.poll():
             self._start()
         try:
@@ -243,15 +243,15 @@ class Worker:
         return result, lines
 
     def stop(self) -> None:
-        """Let the process end soon, and start no other; for any thread."""
+        """Terminate the process soon and start no other. Any thread may call this."""
         with _CHILDREN:
-            # With the lock, or a process that is being started now would be missed.
+            # Under the lock, so that a process being started now is not missed.
             self._closed = True
             if (process := self._process) is not None:
                 process.terminate()
 
     def end(self, late: float = 0.0) -> int:
-        """Return the exit status of the process, killed if it still runs at a monotonic time."""
+        """Return the exit status of the process; kill it if it runs past monotonic time `late`."""
         process, self._process = self._process, None
         if process is None:
             return 0
@@ -262,10 +262,10 @@ class Worker:
             return process.exitcode or 0
 
     def _start(self) -> None:
-        for _ in range(_TRIES):
+        for _ in range(_MAX_STARTS):
             self.end()
             self._pipe, theirs = _FORKSERVER.Pipe()
-            # A daemon: Python waits at its own end for every other process that it has started.
+            # A daemon: otherwise Python would wait for it at exit.
             process = _FORKSERVER.Process(target=_serve, args=(theirs, self._work), daemon=True)
             with suppress(OSError, EOFError):
                 with theirs, _CHILDREN:
@@ -276,35 +276,35 @@ class Worker:
                     self._process = process
                 self._pipe.recv()
                 return
-            if self.end() > 0:  # by an exception, as where the work cannot be imported
+            if self.end() > 0:  # an exception, for example because the work cannot be imported
                 break
         raise ChildProcessError(
-            "a process was ended from outside, or by a script that starts processes whenever it is "
-            'imported: put what it does below `if __name__ == "__main__":`'
+            "a worker process was killed from outside, or by a script that starts processes when "
+            'imported: put its top-level code below `if __name__ == "__main__":`'
         )
 
     def _answers(self, limit: float | None) -> bool:
         if limit is None:
             return self._pipe.poll(None)
-        return any(self._pipe.poll(limit / _PARTS) for _ in range(_PARTS))
+        return any(self._pipe.poll(limit / _LIMIT_PARTS) for _ in range(_LIMIT_PARTS))
 
 
 def _start_server(modules: Iterable[str]) -> None:
-    """Start the server of processes, which imports modules for them; one that runs stays.
+    """Start the fork server, with modules imported, unless it runs.
 
-    Its processes have one thread a library. They leave Ctrl-C and a closed terminal to us, as they
-    take over what the server has from its start.
+    Its processes use one thread per library. They inherit its signal mask, which blocks SIGINT and
+    SIGHUP, so this process alone handles Ctrl-C and a closed terminal.
     """
-    # A module of the current folder is imported there only if it would be imported here.
-    ours = any(each.exists() and each.samefile(os.curdir) for each in map(Path, sys.path))
+    # The server imports modules of the current folder only if this process would.
+    ours = any(path.exists() and path.samefile(os.curdir) for path in map(Path, sys.path))
     added = _ONE_THREAD if ours else _ONE_THREAD | {"PYTHONSAFEPATH": "1"}
     before = {name: os.environ[name] for name in added if name in os.environ}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     os.environ.update(added)
     try:
-        resource_tracker.ensure_running()  # whose start would unblock SIGINT
+        resource_tracker.ensure_running()  # its start would unblock SIGINT
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
-        # The caller's script too, as the work may be a function of its own.
+        # __main__ too, because the work may be a function of the caller's script.
         _FORKSERVER.set_forkserver_preload(["__main__", *modules, __name__])
         forkserver.ensure_running()
     finally:
@@ -315,9 +315,9 @@ def _start_server(modules: Iterable[str]) -> None:
 
 
 def _serve(pipe: connection.Connection, work: Callable[[Any], Any]) -> None:
-    """Do jobs in this process, after saying that it is ready."""
+    """Report that this process is ready, then do jobs until the pipe closes or is idle."""
     signal.signal(signal.SIGTERM, _end)
-    # A parent that is killed cannot end us, and compiled code would not see its pipe's end.
+    # A killed parent cannot terminate us, and compiled code does not notice a closed pipe.
     parent = multiprocessing.parent_process()
     assert parent is not None
     end_when_closed(parent.sentinel)
@@ -328,23 +328,22 @@ def _serve(pipe: connection.Connection, work: Callable[[Any], Any]) -> None:
 
 
 def _end(*_: object) -> None:
-    """End this process at once; no `finally` of the job is waited for, which may take long."""
+    """End this process at once, without the job's `finally` blocks, which may take long."""
     remove_unfinished()
     os._exit(128 + signal.SIGTERM)
 
 
 def _modules(work: Any) -> list[str]:
-    """Return the modules of a function, or of all functions in a `partial`."""
     if not isinstance(work, partial):
         return [work.__module__] if callable(work) else []
     return [module for part in (work.func, *work.args) for module in _modules(part)]
 
 
 def answered(work: Callable[[Any], Any], job: Any) -> tuple[Any, BaseException | None, list[str]]:
-    """Return the result of a job, or its error, and the texts of its warnings."""
+    """Return (result, error, warning texts) of a job; the result or the error is None."""
     result, error = None, None
     with warnings.catch_warnings(record=True) as caught:
-        # All of them: they are issued again for the caller, whose filter then decides.
+        # Record all warnings: they are issued again for the caller, whose filter applies.
         warnings.simplefilter("always", SceneWarning)
         try:
             result = work(job)
@@ -355,9 +354,9 @@ def answered(work: Callable[[Any], Any], job: Any) -> tuple[Any, BaseException |
 
 
 def end_when_closed(pipe: int) -> None:
-    """Have SIGIO end this process when the other end of a pipe closes, even in compiled code.
+    """Make SIGIO end this process when the other end of the pipe closes, even in compiled code.
 
-    Where the system ignores SIGIO, as macOS does, the process ends after its job.
+    On systems that ignore SIGIO by default, such as macOS, the process ends after its job.
     """
     fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(pipe, fcntl.F_SETFL, os.O_ASYNC)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from robotball.view.lines import Look
+    from robotball.view.lines import LineStyle
 
     from .agreement import Agreement
 
@@ -106,7 +106,7 @@ class _Line:
         Whether the run reached the end.
     """
 
-    look: "Look"
+    look: "LineStyle"
     contact_point: _Array
     errors: Sequence[tuple[_Array, _Array]] = ()
     finished: bool = True
@@ -156,7 +156,7 @@ def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     )
 
 
-def _line(look: "Look", agreement: "Agreement") -> _Line:
+def _line(look: "LineStyle", agreement: "Agreement") -> _Line:
     times, errors = agreement.motion.times, []
     for values in (agreement.path_errors, agreement.momentum_errors):
         which = 1 + extremes(values[1:])

@@ -1,26 +1,26 @@
-"""Design a ball that has requested A, Ω, K and radius, or say why there is none.
+"""Design a ball with the requested A, Ω, K and radius, or report why none exists.
 
-The inertia is shared among shell, frame and the fewest rotors: a small convex problem.
+The inertia is divided between shell, frame and as few rotors as possible: a small convex problem.
 
-Of a body only the second moments of mass count, Σ = ∫ r rᵀ dm = ½ tr(I) E - I. There is such a
-body iff Σ is positive (for I: the triangle inequality), and its mass m can lie within r of the
-centre iff tr Σ <= m r², by six points at least. With s = d + J_s, a shell of equal moments and
-rotors as flat as rings leave the frame
+A body enters the equations only through the second moments of its mass, Σ = ∫ r rᵀ dm =
+½ tr(I) E - I. A body with Σ exists iff Σ is positive (for I: the triangle inequality), and its mass
+m fits within the radius r iff tr Σ <= m r². With s = d + J_s, a shell of equal moments and flat
+rings as rotors (axial inertias j, axes n, rates φ̇) leave to the frame
 
     2 Σ_frame = P - Σ j (E - n nᵀ),    P = tr(A⁻¹) E - 2 A⁻¹ - s E,
 
-and must make h = K + sΩ = Σ j φ̇ n. Let no rate exceed w, g = h/w, T = Σ j. What the rotors give
-back, N = Σ j n nᵀ, has the trace T and N >= g gᵀ/T, so the best that they can do is to pour
-τ = T - |g|²/T on where Z = P - T E + g gᵀ/T is least. One rotor has T = |g|, τ = 0; two pour it
-all on one direction e. A third is of no use: where Z has two negative eigenvalues, their sum and τ
-together grow as T falls. All bounds are concave in (s, T), and very nearly so along T = |g(s)|: the
-search goes uphill on s, and for each s on T.
+and must provide h = K + sΩ = Σ j φ̇ n. Let w be the largest rate, g = h/w and T = Σ j. The rotors
+return N = Σ j n nᵀ, with trace T and N >= g gᵀ/T. At best, they add τ = T - |g|²/T in the direction
+in which Z = P - T E + g gᵀ/T is smallest. One rotor has T = |g| and τ = 0; two can add all of τ in
+one direction e. A third is useless: if Z has two negative eigenvalues, their sum plus τ increases
+as T decreases. All bounds are concave in (s, T), and almost so along T = |g(s)|, so s is found by
+an ascent, with an ascent in T for each s.
 
-Units here: the trace of A⁻¹ is 1 [kg m²], the shell's radius 1 m.
+Units in this file: tr(A⁻¹) = 1 [kg m²], shell radius = 1 m.
 
-A request may have no ball. With b the eigenvalues of A⁻¹ and d = m a², the inertia A⁻¹ - d E is
-that of a body iff d <= Σb - 2 max b (the triangle inequality), and its mass can lie inside the
-shell iff d >= Σb/5; so both can be had iff max b <= (2/5) Σb.
+When no ball exists: let b be the eigenvalues of A⁻¹ and d = m a². The inertia A⁻¹ - d E belongs to
+a body iff d <= Σb - 2 max b (triangle inequality), and its mass fits inside the shell iff
+d >= Σb/5. Both are possible iff max b <= (2/5) Σb.
 """
 
 import math
@@ -38,30 +38,29 @@ from robotball.robot.formulas import Parameters
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, as_floats
 
-_MOST_ROTORS = 2  # a third one is of no use, as the head of this file shows
-# A share that keeps its bounds by less, of the trace of A⁻¹, is refused: rounding would decide.
+_MOST_ROTORS = 2  # a third is useless; see the docstring of this file
+# Margin, relative to tr(A⁻¹), below which a design is refused because rounding would decide.
 _LEAST_MARGIN = 1e-9
-ROTOR_SHARE = 0.5  # of the margin, spent on a slower rotor
-_NO_MOMENTUM = 1e-14  # of the size of K, below which K + sΩ is zero
-_ROTOR_RADIUS = 0.6  # of the frame's radius, where no other is given
-# A frame that cannot lie within its radius may reach this much farther than it must.
-WIDER = 1.1  # the least radius itself leaves the other bounds no margin
+ROTOR_SHARE = 0.5  # fraction of the margin that makes a single rotor larger and slower
+_NO_MOMENTUM = 1e-14  # relative to K: a smaller K + sΩ is zero
+_ROTOR_RADIUS = 0.6  # default, in frame radii
+# Radius allowed to a frame that does not fit, over the least possible one, which would leave the
+# other bounds no margin.
+WIDER = 1.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Bound the bodies of a design.
-
-    By default the shell is the only bound.
+    """Bound the bodies of a design. By default only the size of the shell does.
 
     Attributes
     ----------
     rotor_speed : float, rad/s
         The largest rate of a rotor.
     frame_radius : float or None, m
-        The radius within which the frame must lie. If None, it is the inner radius of the shell.
+        The radius within which the frame must fit. By default the inner radius of the shell.
     rotor_radius : float or None, m
-        The largest radius of a rotor. If None, it is 0.6 of the frame's.
+        The largest radius of a rotor. By default 0.6 of the frame's.
     shell_mass : float, kg
         The least mass of the shell.
     frame_mass : float, kg
@@ -71,14 +70,14 @@ class Limits:
     shell_thickness : float, m
         The thickness of a homogeneous shell. 0 is a thin shell.
     buildable : bool
-        Whether a ball with mass beyond `frame_radius` is refused.
+        Whether a ball with mass outside `frame_radius` is refused.
 
     Examples
     --------
     >>> import robotball as rb
     >>> slow = rb.Limits(rotor_speed=50.0)
-    >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0, limits=slow)
-    >>> max(found.rates[1:]) <= 50.0
+    >>> result = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0, limits=slow)
+    >>> max(result.rates[1:]) <= 50.0
     True
     """
 
@@ -92,7 +91,7 @@ class Limits:
     buildable: bool = False
 
     def radii(self, radius: float) -> tuple[float, float]:
-        """Return the largest of the frame and of the rotors in a shell of `radius` [m]."""
+        """Return the largest radii of frame and rotors in a shell of `radius` [m]."""
         inner = radius - self.shell_thickness
         frame = inner if self.frame_radius is None else self.frame_radius
         return frame, _ROTOR_RADIUS * frame if self.rotor_radius is None else self.rotor_radius
@@ -100,26 +99,26 @@ class Limits:
 
 @dataclass(frozen=True)
 class Design:
-    """Hold a ball with requested numbers and the rates that it needs.
+    """Hold a ball with the requested A, Ω and K and the hinge rates that it needs.
 
     Attributes
     ----------
     ball : Ball
         The bodies, with the rates of their hinges.
     limits : Limits
-        The limits that the bodies keep.
+        The limits that the bodies satisfy.
     masses : (float, float), kg
-        The least mass with which all mass can lie inside the shell, and the largest with which the
-        inertia is a body's.
+        The ball's least mass for which all mass fits inside the shell, and its largest mass for
+        which the inertia is physical.
     needed_radius : float, m
-        The least radius within which the frame can lie, if that is more than the limits allow.
-        Otherwise it is the radius that they allow.
+        The least radius within which the frame fits, if it exceeds the allowed radius; otherwise
+        the allowed radius.
 
     Examples
     --------
     >>> import robotball as rb
-    >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0)
-    >>> found.buildable, len(found.ball.rotors)
+    >>> result = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0)
+    >>> result.buildable, len(result.ball.rotors)
     (True, 1)
     """
 
@@ -130,39 +129,39 @@ class Design:
 
     @property
     def rates(self) -> tuple[float, ...]:
-        """The hinges' rates [rad/s]: the frame's about the shell's axis, then the rotors'."""
+        """Hinge rates [rad/s]: of the frame about the shell's axis, then of the rotors."""
         return tuple(cast(float, hinge.command) for hinge in self.ball.hinges)
 
     @property
     def reach(self) -> float:
-        """√(tr Σ/m) of the frame [m]: its mass can lie within it, and within nothing less."""
+        """√(tr Σ/m) of the frame [m], the smallest radius within which its mass fits."""
         frame = self.ball.frame
         return math.sqrt(float(np.trace(frame.inertia)) / 2 / frame.mass)
 
     @property
     def buildable(self) -> bool:
-        """Whether the frame lies within what the limits, or the shell, leave it."""
+        """Whether the frame fits within its allowed radius."""
         return self.reach <= self.allowed_radius * (1 + ROUNDING)
 
     @property
     def allowed_radius(self) -> float:
-        """The limit of the frame's radius, or the shell's inner radius [m]."""
+        """Limit of the frame's radius, by default the shell's inner radius [m]."""
         return self.limits.radii(self.ball.radius)[0]
 
     @property
     def verdict(self) -> str:
-        """One line: whether it can be built, and if not, the radius that it would need."""
+        """One line: whether the ball can be built, and if not, which radius its frame needs."""
         if self.buildable:
             return (
-                "can be built: mass lies inside the shell, the frame's within "
-                f"{self.reach:.4g} m, of {self.allowed_radius:.4g} m"
+                "can be built: all mass fits inside the shell, the frame's within "
+                f"{self.reach:.4g} m of {self.allowed_radius:.4g} m allowed"
             )
         inside = self.needed_radius <= self.ball.radius - self.limits.shell_thickness
-        place = "the frame's radius" if inside else "the shell"
+        boundary = "the frame's radius" if inside else "the shell"
         return (
-            f"can be simulated, not be built: mass would lie outside {place}: the frame needs a "
-            f"radius of {self.needed_radius:.4g} m ({self.reach:.4g} m here), and has "
-            f"{self.allowed_radius:.4g} m"
+            f"can be simulated, but not built: mass would lie outside {boundary}: the frame needs "
+            f"a radius of {self.needed_radius:.4g} m (here {self.reach:.4g} m), "
+            f"{self.allowed_radius:.4g} m is allowed"
         )
 
 
@@ -174,12 +173,12 @@ def design(
     mass: float | None = None,
     limits: Limits | None = None,
 ) -> Design:
-    """Design a ball with requested numbers of the equations, by the fewest rotors.
+    """Design a ball with the requested A, Ω and K and as few rotors as possible.
 
     The shell's axis is along Omega, or z if Omega is zero. The rotors are rings with Σ j φ̇ n = K +
-    (J_s + d)Ω, by (A.3) and K = k - dΩ. There is no rotor if that can be zero, one if the rates
-    have no limit, and never more than two. The masses of the bodies are those that keep all bounds
-    by the largest margin. A frame inside its radius, or nearly so, goes before fewer rotors.
+    (J_s + d)Ω, by (A.3) and K = k - dΩ. No rotor is needed if that can be zero, one if rates are
+    unlimited, and never more than two. The masses satisfy all bounds with the largest margin. A
+    frame that fits, or nearly so, has priority over fewer rotors.
 
     Parameters
     ----------
@@ -188,13 +187,13 @@ def design(
     Omega : (3,), rad/s, frame axes
         The rate of the frame relative to the shell.
     K : (3,), kg m²/s, frame axes
-        The momentum of the parts that turn.
+        The momentum of the rotating parts.
     radius : float, m
         The radius of the shell.
     mass : float, kg, optional
-        The mass of the ball. The default is the mass that keeps all bounds by the largest margin.
+        The mass of the ball. By default the mass with the largest margin.
     limits : Limits, optional
-        Bounds on the bodies. By default the shell is the only one.
+        Bounds on the bodies. By default only the size of the shell.
 
     Returns
     -------
@@ -204,19 +203,19 @@ def design(
     Raises
     ------
     InputError
-        If there is no such ball. The message has the condition, its value, its limit and the
-        difference.
+        If no such ball exists. The message names the violated condition, its value, its limit and
+        the difference.
 
     Examples
     --------
     >>> import robotball as rb
-    >>> found = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0)
-    >>> print(f"{len(found.ball.rotors)} rotor at {found.rates[1]:.1f} rad/s")
+    >>> result = rb.design(A=[0.7, 0.6, 0.8], Omega=[0, 0, 2], K=[2, 2, 0], radius=1.0)
+    >>> print(f"{len(result.ball.rotors)} rotor at {result.rates[1]:.1f} rad/s")
     1 rotor at 138.9 rad/s
     """
     limits = Limits() if limits is None else limits
     _check_sizes(radius, mass, limits)
-    # An inverse is symmetric to rounding only, and eigvalsh reads one half of a matrix.
+    # np.linalg.inv is symmetric only up to rounding, and eigvalsh reads one half of the matrix.
     B = np.linalg.inv(_symmetric_positive(A))
     B = (B + B.T) / 2
     Omega, K = _vector("Omega", Omega), _vector("K", K)
@@ -224,20 +223,20 @@ def design(
     request = _request(B, Omega, K, radius, mass, limits)
     _check_least_masses(request)
     needed = request.frame_radius
-    # A ball that cannot be built can be simulated, unless the limits forbid it. Its frame reaches
-    # hardly farther than it must, or else as far as the fewest rotors make it.
-    found = share(request, needed)
+    # Unless the limits forbid it, a frame that does not fit is still simulated. It exceeds the
+    # least possible radius by 10 %, or by what the fewest rotors need.
+    shares = share(request, needed)
     if (
-        found is None
+        shares is None
         and not limits.buildable
         and _largest_margin(request, math.inf) > _LEAST_MARGIN
     ):
         needed = _least_frame_radius(request)
-        found = share(request, WIDER * needed) or share(request, math.inf)
-    if found is None:
+        shares = share(request, WIDER * needed) or share(request, math.inf)
+    if shares is None:
         raise _refusal(request, limits, radius)
     return Design(
-        ball=_ball(found, B, Omega, K, radius, limits),
+        ball=_ball(shares, B, Omega, K, radius, limits),
         limits=limits,
         masses=masses_allowed(B, radius),
         needed_radius=radius * needed,
@@ -245,7 +244,7 @@ def design(
 
 
 def describe(design: Design) -> str:
-    """Return a few lines of text: bodies with masses, sizes and rates, and the verdict."""
+    """Return a few lines of text: each body with its mass, size and rate, and the verdict."""
     ball, (least, most) = design.ball, design.masses
     shell, frame = ball.shell, ball.frame
     thickness = design.limits.shell_thickness
@@ -253,7 +252,8 @@ def describe(design: Design) -> str:
     moments = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(frame.inertia))
     rows = [
         f"ball    radius {ball.radius:g} m, mass {ball.mass:.6g} kg "
-        f"(from {least:.6g} kg on all of it fits in the shell; above {most:.6g} kg no body has it)",
+        f"(at least {least:.6g} kg to fit inside the shell, at most {most:.6g} kg for a physical "
+        "inertia)",
         f"shell   mass {shell.mass:.6g} kg, {kind}, axis {_in_digits(shell.axis)}",
         f"frame   mass {frame.mass:.6g} kg, principal moments {moments} kg m², "
         f"within {design.reach:.4g} m, {design.rates[0]:.6g} rad/s",
@@ -270,30 +270,28 @@ def describe(design: Design) -> str:
 def redesign(
     scene: Scene, mass: float | None, limits: Limits, numbers: Parameters | None = None
 ) -> tuple[Design, Scene]:
-    """Design bodies for the scene's own A, Ω, K and radius. Returns also the scene with them.
+    """Design bodies for the A, Ω, K and radius of a scene. Return also the scene with them.
 
-    mass: the ball's [kg]; if None, the best one in the rubber model, and the scene's own in the
-    classical one, whose (3.3) knows d = m a² beside A, Ω and K. numbers: of another Ω and K for the
-    scene's A, in place of its own. The new scene has no motors. Raises
-    InputError where the rates are not constant or there is no such ball.
+    mass [kg]: of the ball. By default the best one in the rubber model, and the scene's in the
+    classical model, where (3.3) depends on d = m a², too. numbers: replace the scene's Ω and K. The
+    new scene has no motors. Raises InputError if the rates are not constant or no ball exists.
     """
-    if mass is None and scene.rolling == "classical":  # another mass would be another motion
+    if mass is None and scene.rolling == "classical":  # another mass would change the motion
         mass = scene.ball.mass
     numbers, axes = numbers or scene.parameters, scene.principal_axes
-    found = design(
+    result = design(
         scene.ball.A, axes @ numbers.Omega, axes @ numbers.K, scene.ball.radius, mass, limits
     )
-    return found, replace(
+    return result, replace(
         scene,
         name=f"{scene.name}_designed",
         title=f"{scene.title}, designed bodies",
-        source=f"Bodies designed for the numbers of {scene.name}. {found.verdict}\n{scene.source}",
-        ball=found.ball,
+        source=f"Bodies designed for the numbers of {scene.name}. {result.verdict}\n{scene.source}",
+        ball=result.ball,
     )
 
 
 def _check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
-    """Raise InputError unless radius, mass and limits are numbers that go together."""
     check_positive("radius", radius, "m")
     if mass is not None:
         check_positive("mass", mass, "kg")
@@ -322,11 +320,11 @@ def _symmetric_positive(A: ArrayLike) -> Array:
     if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)):
         raise InputError(f"A must be 3 or 3 x 3 finite numbers, not {np.asarray(A).tolist()}")
     if np.abs(matrix - matrix.T).max() > ROUNDING * np.abs(matrix).max():
-        raise InputError(f"A is not symmetric: {matrix.tolist()}")
+        raise InputError(f"A must be symmetric, not {matrix.tolist()}")
     least = float(np.linalg.eigvalsh(matrix)[0])
     if not least > 0:
-        raise InputError(f"A is not positive: its least eigenvalue is {least:.6g} 1/(kg m²)")
-    # Positive is not enough: products of a few of these must not overflow.
+        raise InputError(f"A must be positive: its least eigenvalue is {least:.6g} 1/(kg m²)")
+    # The values must also be moderate, so that products of a few do not overflow.
     for value in (least, float(np.abs(matrix).max())):
         check_positive("A", value, "1/(kg m²)")
     return matrix
@@ -340,17 +338,17 @@ def _vector(name: str, v: ArrayLike) -> Array:
 
 
 def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
-    """Return Σb/5a² and (Σb - 2 max b)/a² [kg], for B = A⁻¹ (3, 3) [kg m²], radius a [m].
+    """Return Σb/5a² and (Σb - 2 max b)/a² [kg] for B = A⁻¹ (3, 3) [kg m²] and radius a [m].
 
-    From the first on all mass can lie inside the shell; beyond the second no body has the inertia.
-    Where the first exceeds the second no workshop can build the ball.
+    A ball needs at least the first mass to fit inside its shell, and at most the second to have a
+    physical inertia. If the first exceeds the second, the ball cannot be built.
     """
     b = np.linalg.eigvalsh(B)
     return float(b.sum()) / 5 / radius**2, float(b.sum() - 2 * b[-1]) / radius**2
 
 
 def _check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits) -> None:
-    """Raise InputError where no body has B = A⁻¹ (3, 3) [kg m²], whatever the shares."""
+    """Raise InputError if no body of this mass has B = A⁻¹ (3, 3) [kg m²]."""
     b = np.linalg.eigvalsh(B)
     least, most = masses_allowed(B, radius)
     if not most * radius**2 > _LEAST_MARGIN * b.sum():
@@ -367,25 +365,23 @@ def _check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limit
             else f"inertia not positive: 1/A - m a² has the principal moment {moment:.6g} kg m²"
         )
         raise InputError(
-            f"{fault} with m = {mass:.6g} kg; m must be less than {most:.6g} kg, "
-            f"{excess:.6g} kg less"
+            f"{fault} at m = {mass:.6g} kg; m must be less than {most:.6g} kg, {excess:.6g} kg less"
         )
     heaviest = most if mass is None else mass
     if limits.buildable and not heaviest > least:
+        at_most = "at most " if mass is None else ""
         raise InputError(
-            f"mass inside the shell: m must be at least tr(1/A)/(5 a²) = {least:.6g} kg, and is "
-            f"{heaviest:.6g} kg{' at most' if mass is None else ''}: {least - heaviest:.6g} kg too "
-            "little"
+            f"mass inside the shell: m must be at least tr(1/A)/(5 a²) = {least:.6g} kg, but is "
+            f"{at_most}{heaviest:.6g} kg: {least - heaviest:.6g} kg too little"
         )
 
 
 @dataclass(frozen=True)
 class _DesignRequest:
-    """The numbers of the equations and the bounds on the bodies, in this file's units.
+    """Requested numbers and limits, in the units of this file.
 
-    unit is the mass that is 1 here [kg]; B (3, 3) is A⁻¹; d is None where the mass is free;
-    shell_factor is J_s/(m_s a²); speed is the rotors' largest rate; shell, frame and rotor are the
-    least masses of each.
+    unit: the unit of mass [kg]; B (3, 3): A⁻¹; d: None if the mass is free; shell_factor:
+    J_s/(m_s a²); speed: largest rotor rate; shell, frame, rotor: least masses.
     """
 
     unit: float
@@ -403,22 +399,22 @@ class _DesignRequest:
 
     @property
     def largest_s(self) -> float:
-        """Where P ceases to be positive: tr(A⁻¹) - 2 max b."""
+        """The s at which P ceases to be positive: tr(A⁻¹) - 2 max b."""
         return float(1 - 2 * np.linalg.eigvalsh(self.B)[-1])
 
     @property
     def smallest_s(self) -> float:
-        """d + J_s of the lightest shell, alone where the mass is free."""
+        """Least d + J_s: with the lightest shell, and d = its mass if the mass is free."""
         J_s = self.shell_factor * self.shell
         return J_s + (self.shell if self.d is None else self.d)
 
     def momentum(self, s: Array) -> Array:
-        """Return h = K + sΩ (..., 3) of the rotors, for s (...)."""
+        """Return the rotors' momentum h = K + sΩ (..., 3) for s (...)."""
         return self.K + s[..., None] * self.Omega
 
     @property
     def s_without_rotors(self) -> tuple[float, float] | None:
-        """Between which s the momentum h is zero, if it is anywhere."""
+        """The interval of s in which h = 0, or None."""
         if not np.any(self.Omega):
             return None if np.any(self.K) else (self.smallest_s, self.largest_s)
         s = float(-self.K @ self.Omega / (self.Omega @ self.Omega))
@@ -430,7 +426,6 @@ class _DesignRequest:
 def _request(
     B: Array, Omega: Array, K: Array, radius: float, mass: float | None, limits: Limits
 ) -> _DesignRequest:
-    """Return the request in this file's units."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     frame_radius, rotor_radius = limits.radii(radius)
@@ -451,32 +446,31 @@ def _request(
 
 
 def _check_least_masses(request: _DesignRequest) -> None:
-    """Raise InputError where the least masses are too large."""
     unit = request.unit
     rotors = 0.0 if request.s_without_rotors else request.rotor
-    together = request.shell + request.frame + rotors
-    if request.d is not None and not together < request.d:
+    least = request.shell + request.frame + rotors
+    if request.d is not None and not least < request.d:
         raise InputError(
-            f"masses: the least of shell, frame and rotor are {together * unit:.6g} kg together, "
+            f"masses: the least masses of shell, frame and rotor add up to {least * unit:.6g} kg, "
             f"and the ball is to have {request.d * unit:.6g} kg: "
-            f"{(together - request.d) * unit:.6g} kg too much"
+            f"{(least - request.d) * unit:.6g} kg too much"
         )
     J_s = request.shell_factor * request.shell
-    s = J_s + (together if request.d is None else request.d)
+    s = J_s + (least if request.d is None else request.d)
     if not s < request.largest_s:
         raise InputError(
-            f"masses: with the least of shell, frame and rotor, {together * unit:.6g} kg, "
-            f"m + J_s/a² is {s * unit:.6g} kg at least; for the triangle inequality of what the "
-            f"shell leaves it must be less than {request.largest_s * unit:.6g} kg: "
+            f"masses: with the least masses of shell, frame and rotor, {least * unit:.6g} kg, "
+            f"m + J_s/a² is at least {s * unit:.6g} kg; for the triangle inequality of the frame "
+            f"it must be less than {request.largest_s * unit:.6g} kg: "
             f"{(s - request.largest_s) * unit:.6g} kg too much"
         )
 
 
 @dataclass(frozen=True)
-class _Share:
-    """Masses, and the rings' axial inertias (n,) and axes (n, 3).
+class _Shares:
+    """Masses of the bodies, and the rings' axial inertias (n,) and axes (n, 3).
 
-    margin is how far every bound is kept, of the trace of A⁻¹.
+    margin: of the tightest bound, relative to tr(A⁻¹).
     """
 
     margin: float
@@ -487,10 +481,10 @@ class _Share:
     axes: Array
 
 
-def share(request: _DesignRequest, frame_radius: float) -> _Share | None:
-    """Return the share with the fewest rotors whose frame lies within `frame_radius`, or None.
+def share(request: _DesignRequest, frame_radius: float) -> _Shares | None:
+    """Return the shares with the fewest rotors and the frame within `frame_radius`, or None.
 
-    Among those of as many rotors it is the one that keeps all bounds by the largest margin.
+    Among these it returns the one with the largest margin.
     """
     for n in _rotor_counts(request):
         s, T, margin = _best(request, n, frame_radius)
@@ -500,13 +494,13 @@ def share(request: _DesignRequest, frame_radius: float) -> _Share | None:
 
 
 def _rotor_counts(request: _DesignRequest) -> range:
-    # None first, as fewer are preferred. Rates without a bound make any rotor light enough: a
-    # second one could not help.
+    # In order of preference. With unlimited rates a rotor can be arbitrarily light, and a second
+    # one does not help.
     return range(2 if np.isinf(request.speed) else 1 + _MOST_ROTORS)
 
 
 def _best(request: _DesignRequest, n: int, frame_radius: float) -> tuple[float, float, float]:
-    """Return s, T and the margin of the best share with n rotors."""
+    """Return s, T and the margin of the best shares with n rotors."""
     ends = (request.smallest_s, request.largest_s) if n else request.s_without_rotors
     if ends is None or ends[0] > ends[1]:
         return 0.0, 0.0, -np.inf
@@ -515,7 +509,7 @@ def _best(request: _DesignRequest, n: int, frame_radius: float) -> tuple[float, 
         g = np.linalg.norm(request.momentum(s), axis=-1) / request.speed
         if n < 2:
             return n * g
-        most = np.maximum((1 - 3 * s) / 2, g)  # then the frame is nothing: tr(2 Σ) = tr P - 2T
+        most = np.maximum((1 - 3 * s) / 2, g)  # there tr(2 Σ_frame) = tr P - 2T vanishes
         return _peak(lambda T: _margin(request, n, frame_radius, s[..., None], T), g, most, 9, 7)
 
     def margin(s: Array) -> Array:
@@ -526,9 +520,9 @@ def _best(request: _DesignRequest, n: int, frame_radius: float) -> tuple[float, 
 
 
 def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rounds: int) -> Array:
-    """Return where the concave f, (..., points) to the same, is largest from low to high (...)."""
-    # Each round narrows the range to 2/(points - 1) of it: 25 points and 6 rounds to 3e-7, 9 and 7
-    # to 6e-5. Plain grids, not a scalar search, because all s of a round are searched in T at once.
+    """Return the maximum (...) of a concave f, vectorised over (..., points), in [low, high]."""
+    # Each round narrows the interval to 2/(points - 1): 25 points and 6 rounds reach 3e-7, 9 and 7
+    # 6e-5. Grids instead of a scalar search, because T is searched for all s of a round at once.
     u = np.linspace(0.0, 1.0, points)
     for _ in range(rounds):
         at = low[..., None] + (high - low)[..., None] * u
@@ -541,30 +535,29 @@ def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rou
 
 
 def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
-    """Return by how much all bounds are kept (...) at s and T (...), positive iff they are.
+    """Return the margin (...) at s and T (...), positive iff all bounds are satisfied.
 
-    The largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
-    m_shell >= least + t, and a single rotor's inertia larger by t ROTOR_SHARE than it must be.
-    Each of `bounds` is one of these, linear in t, solved for t.
+    It is the largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
+    m_shell >= least + t, and a single rotor's inertia larger than necessary by t ROTOR_SHARE. Each
+    element of `bounds` is one of these, linear in t, solved for t.
     """
     c, slower = request.shell_factor, ROTOR_SHARE if n == 1 else 0.0
     Z, tau = _Z(request, *np.broadcast_arrays(s, T))
     z = np.linalg.eigvalsh(Z)
-    # Two rings pour τ on the direction in which Z is least; then the next one may be the least.
+    # Two rings add τ in the direction in which Z is smallest; then another may be the smallest.
     flattest = z[..., 0] if n < 2 else np.minimum(z[..., 0] + tau, z[..., 1])
     bounds = [flattest / (1 + slower)]
     if request.d is None:
-        # The shell has its least mass and t.
+        # The shell has its least mass plus t.
         others, others_per_t = s - (1 + c) * request.shell, 1 + c
     else:
         shell = (s - request.d) / c
         others, others_per_t = request.d - shell, 0.0
         bounds.append(shell - request.shell)
-    trace = (1 - 3 * s) / 2 - T  # of Σ_frame: tr P is 1 - 3s, and a ring takes 2j of tr 2Σ
-    # A bound is kept by t where its left side less its growth with t is at least t: hence the
-    # divisors 1 + growth.
-    # Of the rotors' mass by their inertia and by their least masses, with the growth of each; for
-    # two the first is too large by no more than one's least mass.
+    trace = (1 - 3 * s) / 2 - T  # of Σ_frame: tr P = 1 - 3s, and a ring takes 2j of tr 2Σ
+    # A bound whose left side decreases by k t is satisfied if its value at t = 0 is at least
+    # (1 + k) t: hence the divisors. The rotors' mass follows from their inertia or their least
+    # masses; for two, `by_inertia` is too large by at most one least mass.
     by_inertia = T / request.rotor_radius**2 + (n - 1) * request.rotor
     least = np.asarray(n * request.rotor)
     for rotors, per_t in ((by_inertia, slower / request.rotor_radius**2), (least, 0.0)):
@@ -579,14 +572,14 @@ def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array, T: A
 def _Z(request: _DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
     """Return Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
     g = request.momentum(s) / request.speed
-    # Without a rotor T is 0; the momentum is rounding then, and nothing gives any back.
+    # Without rotors T = 0 and h is zero up to rounding.
     per_T = np.divide(1.0, T, out=np.zeros_like(T), where=T > 0)
-    given_back = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
+    returned = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
     P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
-    return P_less_T + given_back, T - per_T * (g * g).sum(axis=-1)
+    return P_less_T + returned, T - per_T * (g * g).sum(axis=-1)
 
 
-def _bodies(request: _DesignRequest, n: int, s: float, T: float, margin: float) -> _Share:
+def _bodies(request: _DesignRequest, n: int, s: float, T: float, margin: float) -> _Shares:
     if request.d is None:
         shell = request.shell + margin
         d = s - request.shell_factor * shell
@@ -595,13 +588,12 @@ def _bodies(request: _DesignRequest, n: int, s: float, T: float, margin: float) 
         shell = (s - d) / request.shell_factor
     inertias, axes = _rings(request, n, s, T, margin)
     masses = np.maximum(inertias / request.rotor_radius**2, request.rotor)
-    return _Share(margin, shell, float(d - shell - masses.sum()), masses, inertias, axes)
+    return _Shares(margin, shell, float(d - shell - masses.sum()), masses, inertias, axes)
 
 
 def _rings(
     request: _DesignRequest, n: int, s: float, T: float, margin: float
 ) -> tuple[Array, Array]:
-    """Return axial inertias (n,) and axes (n, 3) of the rotors."""
     if n == 0:
         return np.empty(0), np.empty((0, 3))
     h = request.momentum(np.array(s))
@@ -616,9 +608,9 @@ def _rings(
 def _two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
     """Return j n (2, 3) of two rotors: Σ j = T, Σ j n = g, Σ j n nᵀ = g gᵀ/T + τ e eᵀ.
 
-    g (3,) and a unit vector e (3,), with τ = T - |g|²/T > 0. The rows (√T, g/√T) and (0, √τ e)
-    have the right moments of (1, n), and any rotation of the two rows into each other keeps them;
-    this one makes them (√j, √j n) with unit vectors n.
+    g (3,), unit vector e (3,), τ = T - |g|²/T > 0. The rows (√T, g/√T) and (0, √τ e) have the right
+    moments of (1, n), which any rotation of the two rows preserves; this one gives rows
+    (√j, √j n) with unit vectors n.
     """
     # e and -e give the same moments; with g·e >= 0 the sum below does not cancel.
     e = np.copysign(1.0, g @ e) * e
@@ -629,8 +621,8 @@ def _two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
 
 
 def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputError:
-    """Return why there is no share, though neither inertia nor least masses forbid one."""
-    # Each condition is lifted in turn; the one without which there is a share is the reason.
+    """Return the reason why no shares exist although inertia and least masses would allow some."""
+    # Lift each condition in turn: the one without which shares exist is the reason.
     within = request.frame_radius if limits.buildable else math.inf
     any_speed = replace(request, speed=math.inf)
     if _largest_margin(any_speed, within) > _LEAST_MARGIN:
@@ -638,64 +630,61 @@ def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputErr
             lambda speed: _largest_margin(replace(request, speed=speed), within), request.speed
         )
         return InputError(
-            f"rotor speed: at most {request.speed:.6g} rad/s is allowed, and the momentum "
-            f"K + (J_s + d)Ω needs {needed:.4g} rad/s: {needed - request.speed:.4g} rad/s more"
+            f"rotor speed: the momentum K + (J_s + d)Ω needs {needed:.4g} rad/s, at most "
+            f"{request.speed:.6g} rad/s is allowed: {needed - request.speed:.4g} rad/s more"
         )
     if limits.buildable and _largest_margin(any_speed, math.inf) > _LEAST_MARGIN:
         needed = radius * _least_frame_radius(any_speed)
         allowed = radius * request.frame_radius
         return InputError(
-            f"mass inside the shell: the frame may reach {allowed:.6g} m, and within the limits it "
-            f"needs {needed:.4g} m: {needed - allowed:.4g} m more"
+            f"mass inside the shell: the frame needs a radius of {needed:.4g} m, at most "
+            f"{allowed:.6g} m is allowed: {needed - allowed:.4g} m more"
         )
     margin, least = request.unit * _largest_margin(any_speed, within), request.unit * _LEAST_MARGIN
     return InputError(
-        f"masses: inertia and least masses leave a margin of {margin:.3g} kg, less than the "
-        f"{least:.3g} kg that rounding needs"
+        f"masses: inertia and least masses leave a margin of {margin:.3g} kg, below the "
+        f"{least:.3g} kg needed because of rounding"
     )
 
 
 def _largest_margin(request: _DesignRequest, frame_radius: float) -> float:
-    """Return how far a share can keep all bounds, of the trace of A⁻¹; negative if none can."""
     return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
 
 
 def _least_frame_radius(request: _DesignRequest) -> float:
-    """Return the least radius within which the frame of some share can lie."""
     return _least(lambda radius: _largest_margin(request, radius), request.frame_radius)
 
 
 def _least(largest_margin: Callable[[float], float], too_small: float) -> float:
-    """Return the least bound with which there is a share, to four digits.
+    """Return the least value of a bound for which shares exist, to four digits.
 
-    There must be one with some bound, and none with one that is too small.
+    They must exist for a large bound, and not for `too_small`.
     """
 
-    # In 1/bound, of which no bound is 0, so that the search has two finite ends.
+    # In terms of 1/bound the search interval is finite.
     def margin(per_bound: float) -> float:
         return largest_margin(1 / per_bound if per_bound else math.inf) - _LEAST_MARGIN
 
     return float(1 / brentq(margin, 0.0, 1 / too_small, rtol=1e-4, xtol=1e-4 / too_small))
 
 
-def _ball(found: _Share, B: Array, Omega: Array, K: Array, radius: float, limits: Limits) -> Ball:
-    """Return the ball of a share in SI units, the frame with what is left, as it turns."""
+def _ball(shares: _Shares, B: Array, Omega: Array, K: Array, radius: float, limits: Limits) -> Ball:
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
-    shell_mass, frame_mass = unit * found.shell_mass, unit * found.frame_mass
+    shell_mass, frame_mass = unit * shares.shell_mass, unit * shares.frame_mass
     J_s = shell_inertia(radius, shell_mass, limits.shell_thickness)
     turning = float(np.linalg.norm(Omega))
     axis = Omega / turning if turning else np.array([0.0, 0.0, 1.0])
     shell = Shell(radius, shell_mass, J_s, J_s, axis)
     rotors = tuple(
         Rotor(float(unit * m), float(trace * j), float(trace * j) / 2, n)
-        for m, j, n in zip(found.rotor_masses, found.axial_inertias, found.axes, strict=True)
+        for m, j, n in zip(shares.rotor_masses, shares.axial_inertias, shares.axes, strict=True)
     )
-    # The frame takes what rounding leaves, so that the whole ball has the requested numbers.
+    # The frame absorbs rounding, so that the whole ball has exactly the requested numbers.
     d = (shell_mass + frame_mass + sum(rotor.mass for rotor in rotors)) * radius**2
     others = shell.inertia + sum((rotor.inertia for rotor in rotors), np.zeros((3, 3)))
     frame = Frame(frame_mass, B - d * np.eye(3) - others)
-    rates = [limits.rotor_speed] * len(rotors)  # two both turn at the largest rate
+    rates = [limits.rotor_speed] * len(rotors)  # both of two rotors turn at the largest rate
     if len(rotors) == 1:
         h = K + (J_s + d) * Omega
         rates = [float(np.linalg.norm(h)) / rotors[0].axial_inertia]

@@ -1,11 +1,11 @@
 """Find the drives that roll a robot's contact point along a wanted path.
 
-The path determines how the shell turns, for it does not slip. The momentum gives the rest: M is
-known, so (L, h) = 𝓜u is, at every time, two equations for the rates of the hinges in the rubber
-model, and three in the classical one, where the shell's spin is unknown as well. Of more hinges
-than that the ones that take the least energy are taken.
+The path determines the horizontal angular velocity of the shell, because it does not slip. M is
+known from its equation, so (L, h) = 𝓜u gives equations for the hinge rates at every time: two in
+the rubber model, and three in the classical model, where the shell's spin is unknown, too. If there
+are more hinges, the solution with the least energy is taken.
 
-Torques, rates and friction beyond the robot's own are reported with the result.
+`shortfalls` reports torques, rates and friction beyond the robot's limits.
 """
 
 import math
@@ -27,21 +27,21 @@ from robotball.robot.motors import Free
 from robotball.robot.scene import MovedHinge, Scene, Start
 from robotball.rotations import Array, Mask, continuous, rotation_matrix, turned
 
-_FINE = 2001  # points, of whose chords a path's length is the sum: a circle's is short by 4e-7
-# Of the duration, before and after the way. Weights that hang must lean before the ball starts and
-# swing out after it stops.
+_FINE = 2001  # points of a path, whose chords add up to its length; 4e-7 too short for a circle
+# Fraction of the duration to wait before and after the path. Hanging weights must lean before the
+# ball starts, and swing out after it stops.
 _WAITING = 0.05
-_ASTRAY = 1e100  # a state that a solver tries so far off leads nowhere, and its square to infinity
-_INTERVAL = 0.04  # s, between the samples of the drives, which cubics join
+_ASTRAY = 1e100  # a larger state is useless, and its square would be infinite
+_INTERVAL = 0.04  # s between the drives' samples, which are interpolated with cubics
 _TOLERANCE = 1e-9
 _BVP_TOLERANCE, _MOST_NODES = 1e-5, 20_000
-_SINGULAR = 1e-4  # of the largest part: hinges that move the ball less in some direction cannot
-_FASTEST = 1e4  # rad/s: no motor turns so fast, and only a singular way asks for it
+_SINGULAR = 1e-4  # ratio of singular values below which the hinges cannot move the ball
+_FASTEST = 1e4  # rad/s, beyond any motor: needed only close to a singularity
 
 
 @dataclass(frozen=True)
 class WantedPath:
-    """A curve on the plane: point (2,) m and its slope (2,) at a part from 0 to 1 of the way."""
+    """A curve on the plane: point (2,) and its derivative (2,) [m] at u from 0 to 1."""
 
     name: str
     point: Callable[[float], Array]
@@ -49,37 +49,37 @@ class WantedPath:
 
     @property
     def length(self) -> float:
-        """The length of the curve, by chords [m]."""
+        """Length of the curve, as a sum of chords [m]."""
         points = np.array([self.point(u) for u in np.linspace(0, 1, _FINE).tolist()])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
 def straight(length: float) -> WantedPath:
-    """Return a straight line of a length [m]."""
+    """Return a straight line of the given length [m]."""
     check_positive("the line's length", length, "m")
     along = np.array([length, 0.0])
     return WantedPath("line", lambda u: u * along, lambda u: along)
 
 
 def circle(radius: float, turns: float = 1.0) -> WantedPath:
-    """Return a circle of a radius [m], to the left; to the right for turns below 0."""
+    """Return a circle of a radius [m] that bends left, or right if turns < 0."""
     check_positive("the circle's radius", radius, "m")
     check_size("the circle's turns", turns)
     if turns == 0:
         raise InputError("the circle's turns must not be 0")
-    whole, side = 2 * np.pi * abs(turns), np.array([1.0, np.sign(turns)])
+    angle, side = 2 * np.pi * abs(turns), np.array([1.0, np.sign(turns)])
 
     def point(u: float) -> Array:
-        return radius * side * np.array([np.sin(whole * u), 1 - np.cos(whole * u)])
+        return radius * side * np.array([np.sin(angle * u), 1 - np.cos(angle * u)])
 
     def slope(u: float) -> Array:
-        return radius * whole * side * np.array([np.cos(whole * u), np.sin(whole * u)])
+        return radius * angle * side * np.array([np.cos(angle * u), np.sin(angle * u)])
 
     return WantedPath("circle", point, slope)
 
 
 def eight(size: float) -> WantedPath:
-    """Return a figure eight that crosses itself at the origin, `size` [m] from both ends."""
+    """Return a figure eight that crosses itself at the origin and extends `size` [m] both ways."""
     check_positive("the figure's size", size, "m")
     turn = 2 * np.pi
 
@@ -93,15 +93,15 @@ def eight(size: float) -> WantedPath:
 
 
 def through(points: Sequence[Sequence[float]]) -> WantedPath:
-    """Return a smooth curve from the origin through points (n, 2) [m] to the last of them."""
+    """Return a smooth curve from the origin through points (n, 2) [m]."""
     corners = np.array([(0.0, 0.0), *points], dtype=float)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 2:
-        raise InputError("waypoints are pairs X,Y, at least one")
+        raise InputError("waypoints must be one or more pairs X,Y")
     for number in corners.ravel().tolist():
         check_size("a waypoint", number, "m")
     apart = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     if not apart.min() > 0:
-        raise InputError(f"waypoint {int(apart.argmin()) + 1} is where the path is already")
+        raise InputError(f"waypoint {int(apart.argmin()) + 1} repeats the point before it")
     spline = CubicSpline(np.concatenate([[0.0], np.cumsum(apart) / apart.sum()]), corners)
     return WantedPath("waypoints", spline, spline.derivative())
 
@@ -110,10 +110,8 @@ def through(points: Sequence[Sequence[float]]) -> WantedPath:
 class _Steered:
     """The drives that roll a robot along a path.
 
-    scene       the robot with them, from rest; its hinges keep their rates exactly
-    times (n,)  s
-    rates (n, h) rad/s, of the hinges
-    wanted (n, 2) m, the contact point
+    scene: the robot with these drives, starting from rest, its hinge rates prescribed; times (n,)
+    [s]; rates (n, h) of the hinges [rad/s]; wanted (n, 2): contact point [m].
     """
 
     scene: Scene
@@ -123,11 +121,11 @@ class _Steered:
 
 
 @dataclass(frozen=True)
-class _Moves:
+class _RobotMotion:
     """The motion of a robot at n times.
 
-    axes (n, 3, 3), gamma (n, 3), placed and columns (as `mechanics` has them), u (3 + h, n); reach
-    (n,): how well the hinges move the ball in the direction in which they move it least.
+    axes (n, 3, 3), gamma (n, 3); placed and columns: as in `mechanics`; u (3 + h, n); reach (n,):
+    ratio of the smallest to the largest singular value of the map from hinge rates to momentum.
     """
 
     axes: Array
@@ -139,28 +137,28 @@ class _Moves:
 
 
 def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
-    """Find the drives that take a robot along a path, from rest to rest in a duration [s].
+    """Find the drives that take a robot along a path, from rest to rest, in a duration [s].
 
-    The hinges that turn or have motors are driven. The shell starts as in the scene, the weights
-    where they keep it at rest. Raises InputError where too few hinges are driven, where the plane
-    resists rolling, and where the hinges cannot roll the ball as it is wanted, with the time.
+    Hinges with a rate or a motor are driven. The shell starts as in the scene, hanging weights in
+    equilibrium. Raises InputError for fewer than two driven hinges, rolling friction, or if the
+    hinges cannot roll the ball as wanted at some time.
     """
     check_positive("the duration", duration, "s")
     if scene.friction.rolling:
-        raise InputError(f"{scene.name}: the plane resists rolling, which steering does not know")
-    # A hinge that neither turns nor has a motor is fixed; a free one cannot be driven.
+        raise InputError(f"{scene.name}: steering does not support rolling friction; set it to 0")
+    # Hinges with neither rate nor motor are fixed; free ones cannot be driven.
     driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
     if driven.sum() < 2:
         raise InputError(
-            f"{scene.name}: driven hinges: {driven.sum()}; to roll anywhere takes two: give "
-            "them a rate or a motor"
+            f"{scene.name}: {driven.sum()} driven hinges, two are needed to roll anywhere: give "
+            "more hinges a rate or a motor"
         )
     way = Way(scene, path, duration, driven)
     times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
-    moves = way.moves(times, y)
-    rates = moves.u[3:].T
-    _check_reach(scene, times, moves)
+    motion = way.motion(times, y)
+    rates = motion.u[3:].T
+    _check_reach(scene, times, motion)
     samples: list[Any] = [
         Samples(times=tuple(times.tolist()), values=tuple(column.tolist())) if on else 0.0
         for column, on in zip(rates.T, driven, strict=True)
@@ -171,7 +169,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
         title=f"{scene.title}, steered along the {path.name}",
         ball=scene.ball.with_hinges(command=samples, motor=[None] * len(samples), angle=y[7:, 0]),
         duration=duration,
-        # The solution's own first state, which the boundary conditions hold to their tolerance.
+        # Of the solution, which satisfies the boundary conditions up to a tolerance.
         start=Start(y[:4, 0] / np.linalg.norm(y[:4, 0]), np.zeros(3)),
     )
     return _Steered(steered, times, rates, way.point(times))
@@ -181,81 +179,82 @@ def _is_driven(hinge: MovedHinge) -> bool:
     return not isinstance(hinge.motor, Free) and (hinge.motor is not None or turns(hinge.command))
 
 
-def _check_reach(scene: Scene, times: Array, moves: _Moves) -> None:
-    least, fastest = int(moves.reach.argmin()), int(np.abs(moves.u[3:]).max(axis=0).argmax())
-    if moves.reach[least] < _SINGULAR:
+def _check_reach(scene: Scene, times: Array, motion: _RobotMotion) -> None:
+    least, fastest = int(motion.reach.argmin()), int(np.abs(motion.u[3:]).max(axis=0).argmax())
+    if motion.reach[least] < _SINGULAR:
         raise InputError(
             f"{scene.name}: at t = {times[least]:.4g} s the hinges cannot roll the ball in every "
-            "direction, for what they move lies in one line; take another path or attitude"
+            "direction: the momenta that they produce are parallel; choose another path or attitude"
         )
-    speed = float(np.abs(moves.u[3:, fastest]).max())
+    speed = float(np.abs(motion.u[3:, fastest]).max())
     if not speed < _FASTEST:
         raise InputError(
-            f"{scene.name}: at t = {times[fastest]:.4g} s a hinge would turn at {speed:.3g} rad/s; "
-            "take more time, or another path"
+            f"{scene.name}: at t = {times[fastest]:.4g} s a hinge would have to turn at "
+            f"{speed:.3g} rad/s; increase the duration or choose another path"
         )
 
 
 def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> list[str]:
-    """Return a line for each thing that the motion needs and the robot or plane has not.
+    """Return a line for each limit of the robot or plane that the motion exceeds.
 
-    robot: the scene with its motors and its friction; motion: of the steered scene; rate_limit: the
-    fastest that a hinge may turn [rad/s].
+    robot: the scene with its motors and friction; motion: of the steered scene; rate_limit: of
+    every hinge [rad/s].
     """
     lines, loads = [], motion.loads
     for i, hinge in enumerate(robot.hinges):
         torque = float(np.abs(loads.motor_torques[:, i]).max())
         limit = hinge.motor.law.limit if hinge.motor else math.inf
         if torque > limit:
-            lines.append(f"{hinge.name} needs {torque:.3g} N m, and its motor gives {limit:g} N m")
+            lines.append(f"{hinge.name} needs {torque:.3g} N m; its motor gives {limit:g} N m")
         rate = float(np.abs(motion.hinge_rates[:, i]).max())
         if rate > rate_limit:
-            lines.append(f"{hinge.name} turns at {rate:.3g} rad/s, of at most {rate_limit:g}")
+            lines.append(
+                f"{hinge.name} turns at {rate:.3g} rad/s; the limit is {rate_limit:g} rad/s"
+            )
     friction = robot.friction
     sliding = float(loads.sliding_friction.max())
     if friction.sliding is not None and sliding > friction.sliding:
-        lines.append(f"it slips: it needs a friction of {sliding:.3g}, of {friction.sliding:g}")
+        lines.append(f"slips: needs a sliding friction of {sliding:.3g}, has {friction.sliding:g}")
     torsional = float(loads.torsional_friction.max())
     if friction.torsional is not None and torsional > friction.torsional:
         lines.append(
-            f"it spins: it needs a torsional friction of {torsional:.3g} m, of "
-            f"{friction.torsional:g} m"
+            f"spins: needs a torsional friction of {torsional:.3g} m, has {friction.torsional:g} m"
         )
     return lines
 
 
 class Way:
-    """The differential equation of y = (q, M, angles) on the way along a path, for n times."""
+    """Differential equation of y = (q, M, hinge angles) along a path, vectorised over n times."""
 
     def __init__(self, scene: Scene, path: WantedPath, duration: float, driven: Mask) -> None:
         self.scene, self.path, self.driven, self.robot = scene, path, driven, scene.robot
         wait = _WAITING * duration
-        # Quintic, so that speed and acceleration are continuous at both ends, and so are torques.
+        # Quintic: acceleration is continuous at both ends, and so are torques.
         self.part = Ramp(initial=0.0, final=1.0, start=wait, end=duration - wait, shape="quintic")
 
     def start(self) -> Array:
-        """Return (7 + h,), the scene's robot at rest."""
+        """Return y (7 + h,) of the scene's robot at rest."""
         angles = [hinge.angle for hinge in self.scene.hinges]
         return np.array([*self.scene.start.attitude, 0.0, 0.0, 0.0, *angles])
 
     def point(self, times: Array) -> Array:
-        """Return (n, 2) m, the contact point that is wanted."""
+        """Return the wanted contact point (n, 2) [m]."""
         return np.array([self.path.point(u) for u in self._parts(times)])
 
     def _parts(self, times: Array) -> list[float]:
-        # A solver may try times a rounding beyond the ends, where a spline would go on.
+        # A solver may evaluate slightly beyond the ends, where a spline would extrapolate.
         return np.clip(self.part.rate(times), 0.0, 1.0).tolist()
 
     def shell(self, times: Array, gamma: Array, axes: Array) -> Array:
-        """Return (n, 3) rad/s, frame axes: the horizontal part of the shell's angular velocity."""
+        """Return the shell's horizontal angular velocity (n, 3), frame axes [rad/s]."""
         slopes = np.array([self.path.slope(u) for u in self._parts(times)])
         velocity = np.zeros((len(times), 3))
         velocity[:, :2] = slopes * self.part.acceleration(times)[:, None]
         in_frame = np.einsum("nji,nj->ni", axes, velocity)
         return np.asarray(np.cross(gamma, in_frame) / self.scene.ball.radius)
 
-    def moves(self, times: Array, y: Array) -> "_Moves":
-        """Return how the robot moves in states y (7 + h, n)."""
+    def motion(self, times: Array, y: Array) -> _RobotMotion:
+        """Return the motion of the robot in states y (7 + h, n)."""
         robot, scene, n = self.robot, self.scene, len(times)
         axes = rotation_matrix((y[:4] / np.linalg.norm(y[:4], axis=0)).T)
         gamma, rubber = axes[:, 2], scene.rolling == "rubber"
@@ -266,11 +265,11 @@ class Way:
         columns = robot.columns(placed, gamma)
         formulas.mass_matrix(robot.bodies, placed, columns, matrix)
         rows = np.einsum("nij,jkn->nik", axes, matrix[:3])  # L in space
-        # In the rubber model M = γ×L, so that L = M×γ but for its vertical part, which is free.
+        # In the rubber model M = γ×L, so L = M×γ except for its vertical component, which is free.
         M = y[4:7].T
         L = np.column_stack([M[:, 1], -M[:, 0], 0 * M[:, 0]]) if rubber else M
         right = L - np.einsum("nij,nj->ni", rows[:, :, :3], shell)
-        # Scaled by each hinge's inertia, the least solution takes the least energy.
+        # In unknowns scaled by each hinge's inertia, the least-norm solution has the least energy.
         weights = 1 / np.sqrt(np.einsum("jjn->nj", matrix[3:, 3:])[:, self.driven])
         left = rows[:, :, 3:][:, :, self.driven] * weights[:, None]
         if rubber:
@@ -279,23 +278,23 @@ class Way:
             spin = np.einsum("nij,nj->ni", rows[:, :, :3], gamma)
             spinning = 1 / np.sqrt(matrix[0, 0])
             left = np.concatenate([left, (spin * spinning[:, None])[:, :, None]], axis=2)
-        # The pseudo-inverse takes the least solution where there are more hinges than equations.
         singular = np.linalg.svd(left, compute_uv=False)
-        found = np.einsum("nij,nj->ni", np.linalg.pinv(left), right)
+        solution = np.einsum("nij,nj->ni", np.linalg.pinv(left), right)
         rates = np.zeros((n, robot.hinges))
-        rates[:, self.driven] = weights * found[:, : self.driven.sum()]
+        rates[:, self.driven] = weights * solution[:, : self.driven.sum()]
         if not rubber:
-            shell = shell + gamma * (found[:, -1] * spinning)[:, None]
+            shell = shell + gamma * (solution[:, -1] * spinning)[:, None]
         reach = singular[:, -1] / singular[:, 0]
-        return _Moves(axes, gamma, placed, columns, np.concatenate([shell.T, rates.T]), reach)
+        u = np.concatenate([shell.T, rates.T])
+        return _RobotMotion(axes, gamma, placed, columns, u, reach)
 
     def rate(self, times: Array, y: Array) -> Array:
-        """Return dy/dt (7 + h, n); NaN where a state is astray, so that solvers reject it."""
-        # Written with ~, so that NaN counts as astray as well.
+        """Return dy/dt (7 + h, n); NaN for states that are astray, so that solvers reject them."""
+        # Written with ~ so that NaN counts as astray.
         astray = ~(np.abs(y).max(axis=0) < _ASTRAY)
         if astray.any():
             y = np.where(astray, self.start()[:, None], y)
-        robot, scene, now = self.robot, self.scene, self.moves(times, y)
+        robot, scene, now = self.robot, self.scene, self.motion(times, y)
         up = tuple(now.gamma.T)
         moving = np.empty((robot.hinges + 1, formulas.MOVING, len(times)))
         formulas.move(now.columns, now.u, moving)
@@ -311,8 +310,8 @@ class Way:
 
 
 def _forward(way: Way, times: Array) -> Array:
-    """Return y (7 + h, n), integrated from the start on."""
-    # Gravity turns no balanced ball, so M follows from the way alone and nothing can fall over.
+    """Return y (7 + h, n), integrated forward from the start."""
+    # Gravity exerts no torque on a balanced ball, so no weight can fall over.
     solved = solve_ivp(
         lambda t, y: way.rate(np.array([t]), y[:, None])[:, 0],
         (0.0, float(times[-1])),
@@ -329,17 +328,19 @@ def _forward(way: Way, times: Array) -> Array:
 
 def _no_drives(way: Way) -> InputError:
     return InputError(
-        f"{way.scene.name}: no drives are found that roll it along this path; take more time, or "
-        "gentler turns"
+        f"{way.scene.name}: found no drives that roll it along this path; increase the duration or "
+        "choose gentler turns"
     )
 
 
 def _bounded(way: Way, times: Array) -> Array:
-    """Return y (7 + h, n) of weights that hang: of all solutions, the one that stays bounded.
+    """Return y (7 + h, n) for hanging weights, of all solutions the bounded one.
 
-    Forward in time a weight that is moved as the path wants it falls over. So M = 0 is asked for at
-    the end, where all rests, and not at the start. The first guess is a weight that hangs still.
+    Integrated forward in time, a weight that is moved as the path requires falls over. So M = 0 is
+    imposed at the end, where everything rests, instead of at the start. The initial guess is a
+    weight that hangs straight down.
     """
+    # In the rubber model M is horizontal: its third component is 0 and not an unknown.
     # In the rubber model M is horizontal: its third component stays 0, and is no unknown.
     count, start = 3 if way.scene.rolling == "classical" else 2, way.start()
     kept = [0, 1, 2, 3, *range(4, 4 + count), *range(7, len(start))]
@@ -370,13 +371,13 @@ def _bounded(way: Way, times: Array) -> Array:
 
 
 def _hanging(way: Way, times: Array) -> Array:
-    """Return y (7 + h, n) of a shell that rolls along and weights that hang below its centre."""
+    """Return y (7 + h, n) of a rolling shell with weights that hang below its centre."""
     robot, start = way.robot, way.start()
     e = way.scene.ball.shell.axis
     y = np.tile(start[:, None], len(times))
     shell = turned(start[:4], -start[7] * e)
-    # The shell does not slip: its attitude depends on all of the way, and is stepped along it.
-    fine = 8  # turns between two times: a guess need not be better
+    # Without slip the attitude depends on the whole path, so it is integrated in small steps.
+    fine = 8  # steps between two times, enough for an initial guess
     y[7:, 0] = start[7:]
     for i in range(len(times)):
         if i:
@@ -399,12 +400,12 @@ def _hanging(way: Way, times: Array) -> Array:
 
 
 def _balanced(way: Way, shell: Array, angles: Array) -> Array:
-    """Return hinge angles (h,) near others at which the centre of mass is below the ball's."""
+    """Return hinge angles (h,) near `angles` with the centre of mass below the ball's centre."""
     scene, e = way.scene, way.scene.ball.shell.axis
     masses = scene.robot.bodies[:, 0]
 
     def off(driven: Array) -> Array:
-        """Return the centre of mass (3,) in space, over the radius."""
+        """Return the centre of mass (3,) in world axes, over the radius."""
         trial = angles.copy()
         trial[way.driven] = driven
         frame = rotation_matrix(turned(shell, trial[0] * e))
@@ -417,9 +418,9 @@ def _balanced(way: Way, shell: Array, angles: Array) -> Array:
     def beside(driven: Array) -> Array:
         return off(driven)[:2]
 
-    # The lowest place first, as the weights may balance above the centre as well. The height is
-    # flat there and gives half the digits; what is off to the side gives all of them.
+    # First minimise the height, because the weights may also balance above the centre. The minimum
+    # is flat and gives half the digits; the horizontal offset then gives all of them.
     lowest = minimize(height, angles[way.driven], method="BFGS").x
-    found = angles.copy()
-    found[way.driven] = least_squares(beside, lowest, xtol=1e-14).x
-    return found
+    balanced = angles.copy()
+    balanced[way.driven] = least_squares(beside, lowest, xtol=1e-14).x
+    return balanced

@@ -1,20 +1,18 @@
-"""Branches of solutions in one parameter, by pseudo-arclength continuation, and what is on them.
+"""Branches of solutions in one parameter s, computed by pseudo-arclength continuation.
 
-A solution u of n equations with one parameter is in general a point of a curve, which turns back
-at a fold but has a length and a direction there too. From a point with the tangent t the next one
-is predicted along t and corrected by Newton's method across it (Keller, Numerical solution of
-bifurcation and nonlinear eigenvalue problems, 1977). Test functions change their sign at special
-points, which are located on the curve (Seydel, Practical Bifurcation and Stability Analysis,
-chapters 4 to 7):
+In general, the solutions u of n equations with one parameter form curves. The next point of a curve
+is predicted along the tangent t and corrected by Newton's method orthogonally to it, so that folds
+need no special treatment (Keller, Numerical solution of bifurcation and nonlinear eigenvalue
+problems, 1977). A test function changes sign at each special point, which is then located on the
+curve (Seydel, Practical Bifurcation and Stability Analysis, chapters 4 to 7):
 
-*Fold*: the parameter's part of t. *Branch point*: another curve of solutions crosses, so that the
-equations have two tangents; an exponent, or that part of t, is zero. The other curve is followed
-from there, too. *Hopf point*: a pair of imaginary exponents; of a cycle, where the exponents are
-the logarithms of its multipliers, a *torus*. *Period doubling*: a multiplier -1. *Drift point*: as
-a branch point, but what leaves there is no solution, as it drifts along a freedom that solutions of
-the branch have.
+*Fold*: the s component of t. *Branch point*: an exponent, or the s component of t, is zero and a
+second curve of solutions crosses; it is followed as well. *Hopf point*: a pair of imaginary
+exponents; for a cycle, whose exponents are the logarithms of its multipliers, a *torus*
+bifurcation. *Period doubling*: a multiplier of -1. *Drift point*: like a branch point, but the
+emerging motions are not solutions: they drift along a symmetry of the branch's solutions.
 
-The parameter s goes from 0 to 1 here; `motion_branches` says what it stands for in a ball.
+s runs from 0 to 1; `motion_branches` maps it to a physical number of a ball.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -31,37 +29,37 @@ from robotball.rotations import Array
 FOLD, BRANCH, DOUBLING, HOPF = "fold", "branch point", "period doubling", "Hopf point"
 DRIFT = "drift point"
 CLOSES, UNFINISHED = "closes", "not followed to its end"
-_KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # by the test functions, in their order
-_FIRST_STEP, _LEAST_STEP = 0.01, 1e-7  # lengths of a step in (u, s)
-_BENT = 0.95  # least cosine between neighbours: of tangents, and of ways to a start between them
+_KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # in the order of the test functions
+_FIRST_STEP, _LEAST_STEP = 0.01, 1e-7  # step lengths in (u, s)
+_BENT = 0.95  # least cosine between neighbouring tangents, and between directions to the start
 _MOST_POINTS, _MOST_BRANCHES = 1000, 40
-_ALIKE = 0.3  # exponents of neighbours, beside their change, where a branch is back at its start
-_ITERATIONS = 10
-# Of the residuals, if they fall no more: where a cycle rests for long, rounding moves its end so.
+_ALIKE = 0.3  # allowed difference of exponents, besides their change, when a branch closes
+_ITERATIONS = 10  # of Newton's method
+# Residual accepted when it stops falling: rounding moves the end of a cycle that rests for long.
 _ROUGH = 1e-7
-_DIVERGES = 10.0  # times the residuals before: Newton's method is lost
-_NEUTRAL = 1e-9  # of an exponent's size: a real part below it is rounding
-_LEVEL = 1e-7  # of a tangent: a part along s below it is rounding
-_PARTED = 5.0  # e^(1/3) between branches that cross but for an error e, as far as they are seen to
-_TWO_PAIRS = 1e-4  # 1/s, or of a period: a real part of another pair, where one's is zero
-_LOCATED = 1e-11  # of a step's length
-_SAME = 1e-5  # how near two special points, or two solutions at one s, are one
-_APART = 1e-7  # in s, for differences
-_LINEAR = 1e-4  # of the residuals: a central difference below it is linear
-_TINY = 1e-30j  # of an imaginary step, which has no rounding
+_DIVERGES = 10.0  # growth of the residual at which Newton's method has failed
+_NEUTRAL = 1e-9  # relative to the largest exponent: a smaller real part is rounding
+_LEVEL = 1e-7  # of a unit tangent: a smaller s component is rounding
+_PARTED = 5.0  # upper limit of the distance of branches parted by an error e, over e^(1/3)
+_TWO_PAIRS = 1e-4  # 1/s, or per period: a larger real part at the root belongs to another pair
+_LOCATED = 1e-11  # accuracy of a special point along a step
+_SAME = 1e-5  # distance below which two special points, or two solutions at one s, are the same
+_APART = 1e-7  # in s, for finite differences
+_LINEAR = 1e-4  # residual change below which a central difference is linear
+_TINY = 1e-30j  # imaginary step, which has no rounding error
 
 
 _Residual = Callable[[Array, float], Array]
-Look = tuple[Array, Array, Callable[[], Array]]
-"""Residuals (m,), their derivatives (m, n + 1) by u and s, and what returns exponents (k,)."""
+Linearization = tuple[Array, Array, Callable[[], Array]]
+"""Residuals (m,), their derivatives (m, n + 1) by (u, s), and a function for exponents (k,)."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """A point x = (u, s) (n + 1,) of a branch, with the tangent (n + 1,) and exponents (k,) there.
+    """A point x = (u, s) (n + 1,) of a branch with its unit tangent (n + 1,) and exponents (k,).
 
-    kind: of a special point; else ""; free: in how many ways solutions go on beside the branch, as
-    where a ball may be turned about its own axis.
+    kind: of a special point, else ""; free: dimension of the solution set transverse to the branch,
+    such as 1 if the ball may be rotated about its axis.
     """
 
     x: Array
@@ -72,38 +70,38 @@ class Point:
 
     @property
     def is_stable(self) -> bool:
-        """Whether no exponent has a positive real part."""
+        """True if no exponent has a positive real part."""
         return bool(_real_parts(self.exponents).max() <= 0)
 
 
 @dataclass(frozen=True)
 class Branch:
-    """A curve of solutions; ends: why it is followed no further, before and after the points."""
+    """A curve of solutions; ends: why it stops before its first and after its last point."""
 
     points: tuple[Point, ...]
     ends: tuple[str, str]
 
     def special(self, *kinds: str) -> list[Point]:
-        """Return its special points of some kinds, or of all."""
+        """Return the special points of the given kinds, by default of all kinds."""
         return [point for point in self.points if point.kind in (kinds or (*_KINDS, DRIFT))]
 
     def passes(self, s: float) -> int:
-        """Return how often it passes an s that is none of its points'."""
+        """Return how often the branch crosses s, which must not be the s of one of its points."""
         above = np.array([point.x[-1] > s for point in self.points])
         return int(np.count_nonzero(above[1:] != above[:-1]))
 
 
 class Watch:
-    """Is told what a search for branches does. This one is silent."""
+    """Observer of a search for branches. This base class ignores all events."""
 
     def seeks(self, s: float, place: int, places: int) -> None:
-        """Solutions are sought at s next, at one of so many places."""
+        """The search for solutions at s begins; it is number `place` of `places`."""
 
     def grows(self, branch: Branch) -> None:
         """A branch has a new point."""
 
     def lost(self, s: float, reason: str) -> None:
-        """What was begun at s is given up."""
+        """A start at s was given up."""
 
 
 SILENT = Watch()
@@ -111,16 +109,21 @@ SILENT = Watch()
 
 @dataclass(frozen=True)
 class Problem:
-    """Equations of u (n,) and s, whose zeros make the branches; they may be more than n.
+    """Equations in u (n,) and s, at least n of them, whose solutions form the branches.
 
-    look: what is seen of them at u and s; gauge: a direction (n,) in which the same solution goes
-    on; end: why a branch is followed no further than u, or ""; identity: the part of (u, s) by
-    which a solution is recognised; watch: is told of points and of lost starts; rank: of the
-    largest singular value of the derivatives, what is less is zero; closed: residuals from which a
-    step of Newton's method leaves none; longest: of a step along a branch.
+    Attributes
+    ----------
+    look : (u, s) -> Linearization
+    gauge : (u, s) -> direction (n,) along which the same solution continues, or None
+    end : u -> why the branch stops at u, or ""
+    identity : index in (u, s) from which on components identify a solution
+    watch : receives new points and failed starts
+    rank : singular values below this fraction of the largest count as zero
+    closed : residual at which another Newton step would gain nothing
+    longest : largest step along a branch
     """
 
-    look: Callable[[Array, float], Look]
+    look: Callable[[Array, float], Linearization]
     gauge: Callable[[Array, float], Array] | None = None
     end: Callable[[Array], str] = lambda u: ""
     identity: int = 0
@@ -130,7 +133,7 @@ class Problem:
     longest: float = 0.03
 
     def rows(self, x: Array) -> Array:
-        """Return the gauge at x = (u, s) as (1, n + 1), or (0, n + 1)."""
+        """Return the unit gauge direction at x = (u, s) as (1, n + 1), or an array (0, n + 1)."""
         if self.gauge is None:
             return np.zeros((0, len(x)))
         direction = np.append(self.gauge(x[:-1], x[-1]), 0.0)
@@ -138,22 +141,22 @@ class Problem:
 
 
 def steady(residual: _Residual, exponents: _Residual, watch: Watch = SILENT) -> Problem:
-    """Return the problem of an analytic function's zeros, with the exponents (k,) at each."""
+    """Return the problem of finding the zeros of an analytic function; exponents: (k,) at each."""
 
-    def look(u: Array, s: float) -> Look:
+    def look(u: Array, s: float) -> Linearization:
         return residual(u, s), derivatives(residual, u, s), lambda: exponents(u, s)
 
     return Problem(look, watch=watch)
 
 
 def derivatives(residual: _Residual, u: Array, s: float) -> Array:
-    """Return the derivatives (m, n + 1) of an analytic function (m, ...) by u (n, ...) and s."""
+    """Return the derivatives (m, n + 1) of an analytic function by u (n,) and s."""
     by_u = residual(u[:, None] + _TINY * np.eye(len(u)), s).imag / _TINY.imag
     return np.column_stack([by_u, by_parameter(residual, u, s)])
 
 
 def by_parameter(residual: _Residual, u: Array, s: float) -> Array:
-    """Return the derivative (m,) of a function by s, from differences small enough to be linear."""
+    """Return the derivative (m,) by s from central differences small enough to be linear."""
     step = _APART
     while np.abs(change := residual(u, s + step) - residual(u, s - step)).max() > _LINEAR:
         step *= _LINEAR
@@ -161,33 +164,32 @@ def by_parameter(residual: _Residual, u: Array, s: float) -> Array:
 
 
 def explore(problem: Problem, starts: Iterable[Array], branches: list[Branch]) -> Iterator[Branch]:
-    """Yield the branches through starts (n + 1,) near (u, s), and those that cross them.
+    """Yield the branches near the starts x = (u, s) (n + 1,), and the branches that cross them.
 
-    They are added to `branches`. A start on one of these is not followed again. The watch is told
-    of one from which Newton's method does not converge.
+    Each is appended to `branches`. A start on a known branch is skipped. Starts from which Newton's
+    method does not converge are reported to the watch.
     """
-    crossed = [point for each in branches for point in each.special(BRANCH, DOUBLING)]
+    crossed = [point for branch in branches for point in branch.special(BRANCH, DOUBLING)]
     most = len(branches) + _MOST_BRANCHES
 
     @cache
-    def passed(number: int, s: float) -> list[Point]:
-        """Return a branch's points, and those that it has at s."""
-        found = [*branches[number].points]
+    def points_near(number: int, s: float) -> list[Point]:
+        points = [*branches[number].points]
         for last, new in pairwise(branches[number].points):
             if (last.x[-1] - s) * (new.x[-1] - s) < 0:
                 part = (s - last.x[-1]) / (new.x[-1] - last.x[-1])
-                found += reached(problem, last.x + part * (new.x - last.x))
-        return found
+                points += reached(problem, last.x + part * (new.x - last.x))
+        return points
 
     def is_known(point: Point) -> bool:
         numbers = range(len(branches))
-        return any(_same(problem, point, x) for i in numbers for x in passed(i, point.x[-1]))
+        return any(_same(problem, point, x) for i in numbers for x in points_near(i, point.x[-1]))
 
     for x in starts:
         if is_known(Point(x, x, np.zeros(0))):
             continue
-        begun = reached(problem, x, lost=problem.watch.lost)
-        queue = [point for point in begun if not is_known(point)]
+        corrected_start = reached(problem, x, lost=problem.watch.lost)
+        queue = [point for point in corrected_start if not is_known(point)]
         while queue and len(branches) < most:
             branches.append(trace(problem, queue.pop()))
             yield branches[-1]
@@ -199,17 +201,17 @@ def explore(problem: Problem, starts: Iterable[Array], branches: list[Branch]) -
 
 
 def _same(problem: Problem, one: Point, other: Point) -> bool:
-    """Return whether two points are one, or one but for what is free there, as a heading."""
+    """Return whether two points are the same up to free directions, such as a heading."""
     apart = np.abs(one.x - other.x)[problem.identity :]
     if not (one.free and other.free):
         return bool(apart.max() < _SAME)
     a, b = (np.sort_complex(point.exponents) for point in (one, other))
-    # Both may be anywhere on a surface, on which a period and exponents are the same.
+    # Points of a surface of solutions: only the period, s and the exponents identify it.
     return bool(apart[-2:].max() < _SAME and np.abs(a - b).max() < _SAME)
 
 
 def trace(problem: Problem, start: Point) -> Branch:
-    """Return the branch through a start, both ways from it along its tangent."""
+    """Return the branch through a start, followed in both directions along its tangent."""
     after, last = half(problem, start)
     if last == CLOSES:
         return Branch(tuple(after), (last, last))
@@ -220,12 +222,12 @@ def trace(problem: Problem, start: Point) -> Branch:
 def half(
     problem: Problem, start: Point, most: int = _MOST_POINTS, behind: Sequence[Point] = ()
 ) -> tuple[list[Point], str]:
-    """Return the points from a start on along its tangent, and why there are no more.
+    """Follow a branch from a start along its tangent. Return the points and why it stops.
 
-    behind: those the other way, from the start on, which are told of with these.
+    behind: points in the opposite direction, from the start on; only passed on to the watch.
     """
     points, step = [start], _FIRST_STEP
-    bend = np.zeros(len(start.x))  # the change of the tangent along the branch
+    bend = np.zeros(len(start.x))  # derivative of the tangent along the branch
     while len(points) < most:
         last = points[-1]
         if (last.x[-1], np.sign(last.tangent[-1])) in ((0, -1), (1, 1)):
@@ -237,9 +239,9 @@ def half(
                 part = (bound - last.x[-1]) / (new.x[-1] - last.x[-1])
                 x = np.append((last.x + part * (new.x - last.x))[:-1], bound)
                 new = corrected(problem, x)
-                new.x[-1] = bound  # to the last bit, by which it is known to be the end
+                new.x[-1] = bound  # exactly, because the end of the range is recognized by equality
                 new = replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
-            # Where two branches cross, the other one is not quite across.
+            # At a branch point the tangent of the other branch is only approximate.
             bent = new.tangent @ last.tangent < _BENT and (len(points) > 1 or not start.kind)
             special = [] if bent else _between(problem, last, new)
         except ValueError:
@@ -249,7 +251,7 @@ def half(
             if step < _LEAST_STEP:
                 return points, "Newton's method converges no further"
             continue
-        # A cycle that has shrunk to a point comes out of it half a period later.
+        # A cycle that shrinks to a point re-emerges shifted by half a period.
         if not last.kind and (problem.rows(last.x) * problem.rows(new.x)).sum() < 0:
             return points, "shrinks to a point"
         bend = (new.tangent - last.tangent) / np.linalg.norm(new.x - last.x)
@@ -261,9 +263,9 @@ def half(
             (point.x - start.x)[problem.identity :] for point in (last, new, *special)
         )
         between = one @ other < -_BENT * np.linalg.norm(one) * np.linalg.norm(other)
-        here, there, now = (np.sort_complex(each.exponents) for each in (start, last, new))
+        here, there, now = (np.sort_complex(point.exponents) for point in (start, last, new))
         if between and np.abs(now - here).max() < _ALIKE + np.abs(now - there).max():
-            # What is special beyond the start is among the first points already.
+            # Special points beyond the start are already among the first points.
             first = len(points) - 1 - len(special)
             before = [point for point, off in zip(special, away, strict=True) if off @ other < 0]
             return [*points[:first], *before, new], CLOSES
@@ -272,9 +274,9 @@ def half(
 
 
 def corrected(problem: Problem, x: Array, across: Array | None = None) -> Point:
-    """Return the point of a branch near x (n + 1,), in the plane through x across a direction.
+    """Return the point of a branch near x (n + 1,), in the plane through x normal to `across`.
 
-    That is along s if none is given. Raises InputError where Newton's method does not converge.
+    across: (n + 1,), by default the s axis. Raises InputError if Newton's method does not converge.
     """
     start, last = x, np.inf
     rows = np.vstack([problem.rows(x), np.eye(len(x))[-1] if across is None else across])
@@ -291,7 +293,7 @@ def corrected(problem: Problem, x: Array, across: Array | None = None) -> Point:
         if size > _DIVERGES * last:
             break
         last = size
-    raise InputError(f"no branch found near a start: Newton's method leaves {size:.1e}")
+    raise InputError(f"no branch found near the start: Newton's method stopped at {size:.1e}")
 
 
 def reached(
@@ -300,7 +302,7 @@ def reached(
     across: Array | None = None,
     lost: Callable[[float, str], None] = SILENT.lost,
 ) -> list[Point]:
-    """Return the point that `corrected` finds, or nothing, which `lost` is told."""
+    """Return the point from `corrected` in a list; on failure call `lost`, return an empty list."""
     try:
         return [corrected(problem, x, across)]
     except InputError as error:
@@ -309,23 +311,19 @@ def reached(
 
 
 def _real_parts(exponents: Array) -> Array:
-    """Return real parts (k,), without rounding."""
     real = exponents.real
     return np.where(np.abs(real) < _NEUTRAL * np.abs(exponents).max(), 0.0, real)
 
 
 def _tests(point: Point, free: int) -> Array:
-    """Return the test functions (4,), by `_KINDS`; NaN where there is no pair.
-
-    free: in how many ways solutions go on beside the branch.
-    """
+    """Return the test functions (4,) in the order of `_KINDS`; NaN if there is no complex pair."""
     exponents, real = point.exponents, _real_parts(point.exponents)
     doubled = np.abs(np.abs(exponents.imag) - np.pi) < _NEUTRAL
-    # Of several pairs, as of a stroboscopic map, the first to lose its stability.
+    # A stroboscopic map has several pairs: take the first to lose its stability.
     pair = real[(exponents.imag > 0) & ~doubled]
     along = point.tangent[-1]
-    # The product of all but those that are zero everywhere, as a symmetric function: where a pair
-    # meets these, each is the cube root of an error.
+    # The product of all exponents that are not always zero, computed as a symmetric function: where
+    # a pair meets the zero ones, single exponents are only accurate to the cube root of an error.
     others = (real + 1j * exponents.imag)[~doubled]
     product = np.poly(-others)[: len(others) + 1 - free][-1].real if len(others) else 1.0
     across = along if abs(along) > _LEVEL else 0.0
@@ -334,8 +332,8 @@ def _tests(point: Point, free: int) -> Array:
 
 
 def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
-    """Return the special points between two neighbours, in their order."""
-    if last.kind:  # where the test functions are zero, or are not known
+    """Return the special points between two neighbouring points, in order."""
+    if last.kind:  # the test functions are zero or undefined
         return []
 
     whole = float((new.x - last.x) @ last.tangent)
@@ -345,15 +343,15 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
         near = last.x + length / whole * (new.x - last.x)
         return corrected(problem, near, last.tangent)
 
-    found: list[tuple[float, Point]] = []
+    located: list[tuple[float, Point]] = []
     for test, change in enumerate(np.sign(_tests(last, free) * _tests(new, free))):
-        if change != -1 or (test == 1 and found):  # an exponent is zero at a fold, too
+        if change != -1 or (test == 1 and located):  # at a fold an exponent is zero, too
             continue
         length = brentq(lambda h, i=test: float(_tests(at(h), free)[i]), 0.0, whole, xtol=_LOCATED)
-        # Of pairs, another one may have taken its place.
+        # The sign may have changed because a different pair became the largest.
         if test == 3 and abs(_tests(at(length), free)[3]) > _TWO_PAIRS:
             continue
-        # At a branch point its own tangent is not determined.
+        # The tangent at a branch point itself is undetermined.
         part = length / whole
         tangent = (1 - part) * last.tangent + part * new.tangent
         point = replace(at(length), kind=_KINDS[test], tangent=tangent / np.linalg.norm(tangent))
@@ -361,43 +359,44 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
             point = replace(point, kind=BRANCH)
         elif test == 1 and free:
             point = replace(point, kind=DRIFT)
-        elif test == 1:  # nothing leaves there
+        elif test == 1:  # no other branch crosses
             continue
-        found.append((length, point))
-    return [point for _, point in sorted(found, key=lambda each: each[0])]
+        located.append((length, point))
+    return [point for _, point in sorted(located, key=lambda item: item[0])]
 
 
 def _across(problem: Problem, point: Point) -> Array | None:
-    """Return the other direction (n + 1,) in which solutions go on from a point, across its own.
+    """Return the direction (n + 1,) of another branch through a point, orthogonal to its own.
 
-    One in which they go on from the points beside it, too, is none: it fills a surface. An error e
-    of the equations parts two branches that cross, as it does p x - x³ + e, by e^(1/3), and leaves
-    a singular value of that size. Where a fold has one as small, there are solutions on one side
-    of its s alone.
+    None if there is no other branch, or if neighbouring points have the same extra direction: then
+    the solutions fill a surface. An error e of the equations parts crossing branches, as in
+    p x - x³ + e = 0, by e^(1/3) and leaves a singular value of that size. A fold with so small a
+    singular value is told apart because its solutions exist on one side only.
     """
 
     def directions(x: Array, least: float) -> Array:
         rows = (problem.look(x[:-1], x[-1])[1], problem.rows(x), point.tangent)
-        _, sizes, found = np.linalg.svd(np.vstack(rows))
-        return np.asarray(found[sizes < least * sizes[0]])
+        _, sizes, vectors = np.linalg.svd(np.vstack(rows))
+        return np.asarray(vectors[sizes < least * sizes[0]])
 
-    found = directions(point.x, _PARTED * problem.closed ** (1 / 3))
-    if not len(found):
+    singular = directions(point.x, _PARTED * problem.closed ** (1 / 3))
+    if not len(singular):
         return None
     inwards = np.copysign(_FIRST_STEP, (0.5 - point.x[-1]) * point.tangent[-1])
     beside = reached(problem, point.x + inwards * point.tangent, point.tangent)
-    neutral = np.concatenate([found[:0], *(directions(each.x, problem.rank) for each in beside)])
-    if len(found) <= len(neutral):
+    free = [directions(neighbour.x, problem.rank) for neighbour in beside]
+    neutral = np.concatenate([singular[:0], *free])
+    if len(singular) <= len(neutral):
         return None
-    across = np.asarray(np.linalg.svd(neutral @ found.T)[2][-1] @ found)
+    across = np.asarray(np.linalg.svd(neutral @ singular.T)[2][-1] @ singular)
     steps = (sign * _FIRST_STEP * across for sign in (1, -1))
     return across if all(reached(problem, point.x + step, across) for step in steps) else None
 
 
 def _switched(problem: Problem, point: Point) -> list[Point]:
-    """Return a branch point with the tangent of the other branch, as far as it is across its own.
+    """Return a branch point with the direction of the other branch as its tangent.
 
-    Of a period doubling: of the cycle run through twice. None where there is no other branch.
+    For a period doubling, the other branch has the doubled period. Empty without another branch.
     """
     if point.kind == DOUBLING:
         twice = point.x + np.log(2.0) * np.eye(len(point.x))[-2]

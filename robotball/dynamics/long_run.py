@@ -1,16 +1,13 @@
-"""Long motions: Lyapunov exponents, the drift of the contact point, basins of attraction.
+"""Long motions: Lyapunov exponents, drift of the contact point, basins of attraction.
 
-Exponents are taken by the reduced form of three numbers and the divergence. With M ≠ 0 the motion
-is a flow on the rotations, a space of three dimensions: a neighbour's small turn ξ obeys
-dξ/dt = Dω·ξ - ω×ξ, whose mean growth is λ₁ (Benettin, Galgani, Giorgilli and Strelcyn, Meccanica
-15, 1980); along the motion itself the exponent is 0; and the three add up to the mean divergence
-⟨div⟩, so λ₆ = ⟨div⟩ - λ₁. The other three of the six in (M, γ) belong to the constants γ², M² and
-(M, γ), and are 0.
+With M ≠ 0 the motion is a flow on the three-dimensional rotation group. The small rotation ξ to a
+neighbouring motion obeys dξ/dt = Dω·ξ - ω×ξ, and its mean growth rate is λ₁ (Benettin, Galgani,
+Giorgilli and Strelcyn, Meccanica 15, 1980). The exponent along the motion is 0, and the three add
+up to the mean divergence ⟨div⟩, so λ₆ = ⟨div⟩ - λ₁. The other three of the six exponents in (M, γ)
+belong to the constants γ², M² and (M, γ), and are 0.
 
-A motion from one of many starts is on a straight line after a transient if it hardly turns. Else
-its crossings of a section repeat, on a cycle, or do not: then λ₁ parts tori from chaos.
-
-In order: exponents, drift, basins.
+Attractors: after a transient, a ball that hardly rotates is on a straight line; a motion whose
+section points repeat is on a cycle; otherwise λ₁ separates tori from chaos.
 """
 
 from collections.abc import Sequence
@@ -29,19 +26,27 @@ from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.theory.ensembles.orbits import LONG_RUN_TOLERANCE, Balls, Integers, Starts, orbits
 from robotball.theory.ensembles.steppers import DEVIATION, PATH, System
 
-# Any direction of a deviation will do, if none is special: the transient turns it into the fastest
-# growing.
+# An arbitrary initial deviation: the transient turns it into the direction of fastest growth.
 ANY_TURN = (0.6, 0.48, 0.64)
+TORUS, CHAOS, LOST, LINE = -1, -2, -3, -4  # labels of `Basins`, below the numbers of cycles
+_CROSSINGS = 64  # analysed after the transient; cycles with at most half as many are recognized
+_REACHED = 1e-3  # distance of unit vectors below which a point is on a cycle
+_AT_REST = 1e-4  # angular speed, over the largest that |M| allows, below which the path is straight
+# Within _CHAOS_TIME [s], neighbours separate by about e^7 on a torus and by over e^30 in chaos.
+_CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
 
 
 @dataclass(frozen=True)
 class Exponents(Value):
-    """The exponents of n starts, each from its own run, and what they say together.
+    """Lyapunov exponents of n motions, and their mean if all belong to one attractor.
 
-    halves: (n, 2) 1/s, λ₁ over either half of each run; divergence: (n,) 1/s, ⟨div⟩ of each;
-    duration s, of the means. Where the runs are of one attractor, `mean` and `error` estimate its
-    exponents. Of a regular motion λ₁ is the motion's own 0, and λ₆ stands for the sum of the other
-    two.
+    On a regular motion λ₁ is the zero exponent along it, and λ₆ is the sum of the other two.
+
+    Attributes
+    ----------
+    halves : (n, 2), 1/s, λ₁ over each half of the duration
+    divergence : (n,), 1/s, ⟨div⟩
+    duration : s, over which the means are taken
     """
 
     halves: Array
@@ -50,35 +55,35 @@ class Exponents(Value):
 
     @property
     def largest(self) -> Array:
-        """λ₁ (n,) of each run, 1/s."""
+        """λ₁ (n,) of each motion [1/s]."""
         return self.halves.mean(axis=1)
 
     @property
     def smallest(self) -> Array:
-        """λ₆ (n,) of each run, 1/s."""
+        """λ₆ (n,) of each motion [1/s]."""
         return self.divergence - self.largest
 
     @property
     def mean(self) -> tuple[float, float]:
-        """λ₁ and λ₆ over all runs, 1/s."""
+        """λ₁ and λ₆, averaged over all motions [1/s]."""
         return float(self.largest.mean()), float(self.smallest.mean())
 
     @property
     def error(self) -> tuple[float, float]:
-        """The standard errors of `mean`, from the scatter of the runs; NaN for a single one."""
+        """Standard errors of `mean` from the scatter of the motions; NaN for a single one."""
         return standard_error(self.largest), standard_error(self.smallest)
 
     @property
     def dimension(self) -> float:
-        """The Kaplan-Yorke dimension of the attractor's section, as in the paper.
+        """Kaplan–Yorke dimension of the attractor's section, as in the paper.
 
-        In phase space, with the direction of the motion, it is one more.
+        The dimension in phase space is larger by one.
         """
         return _kaplan_yorke(*self.mean)
 
     @property
     def dimension_error(self) -> float:
-        """The standard error of `dimension`, from the scatter of the runs."""
+        """Standard error of `dimension` from the scatter of the motions."""
         return standard_error(np.array([*map(_kaplan_yorke, self.largest, self.smallest)]))
 
 
@@ -133,15 +138,14 @@ def exponents_of(
     duration: float,
     transient: float = 1000.0,
 ) -> Exponents:
-    """Estimate the exponents of motions from n starts, over `duration` after a `transient` [s].
+    """Estimate the Lyapunov exponents of n motions over `duration` after a `transient` [s].
 
-    balls: one, or several with equally many of the starts each; attitudes (n, 4), momenta (n, 3):
-    as for `orbits`. Raises InputError on unusable starts or durations, and where a motion could not
-    be followed.
+    balls: one, or several with equally many starts each; attitudes (n, 4), momenta (n, 3): as for
+    `orbits`. Raises InputError for invalid starts or durations, and if an integration fails.
     """
     starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all():
-        raise InputError("exponents need M other than zero: with M = 0 the motion is on the sphere")
+        raise InputError("exponents need M other than zero; at M = 0 the motion is on the sphere")
     rest = np.tile([*ANY_TURN, 0.0, 0.0], (len(starts.rows), 1))
     halves = _mean_rates(starts, DEVIATION, rest, duration, transient)
     return Exponents(halves[..., 7], halves[..., 8].mean(axis=1), duration)
@@ -150,26 +154,26 @@ def exponents_of(
 def _mean_rates(
     starts: Starts, system: System, rest: Array, duration: float, transient: float
 ) -> Array:
-    """Return a system's mean rates (n, 2, size) over each half of a duration after a transient [s].
+    """Return the mean rates (n, 2, size) of a system in each half of `duration` [s].
 
-    rest: as in `Starts.rows_of`. The states are in turned axes.
+    rest: see `Starts.rows_of`. The states are in axes aligned with M.
     """
     if not (duration > 0 and transient > 0):
         raise InputError("duration and transient must be positive")
     times = transient + duration * np.array([0.0, 0.5, 1.0])
     states, status = starts.march(system, rest, times, LONG_RUN_TOLERANCE)
     if status.any():
-        raise InputError(f"{np.count_nonzero(status)} motions could not be followed")
-    # Between both ends of the duration: what the transient adds is no part of the mean.
+        raise InputError(f"{np.count_nonzero(status)} motions could not be integrated")
+    # Differences between the ends of each half: growth during the transient does not count.
     return np.diff(states, axis=1) / (duration / 2)
 
 
 @dataclass(frozen=True)
 class Drift(Value):
-    """Mean motions of the contact points of n starts, along and across their momenta.
+    """Mean velocities of n contact points along and across their momenta.
 
-    velocities (n, 2) m/s: along OX = -M/√f of section 3.3, which each start has for itself, and
-    OY, to its left. duration s, of the means.
+    velocities (n, 2) [m/s]: along OX = -M/√f of section 3.3, different for each start, and along
+    OY to its left. duration [s]: over which the means are taken.
     """
 
     velocities: Array
@@ -177,13 +181,13 @@ class Drift(Value):
 
     @property
     def mean(self) -> Array:
-        """The mean velocity (2,) over the starts, m/s."""
+        """Mean velocity (2,) over the starts [m/s]."""
         return self.velocities.mean(axis=0)
 
     @property
     def error(self) -> Array:
-        """The standard error (2,) of `mean`, from the scatter of the starts, m/s."""
-        return np.array([standard_error(each) for each in self.velocities.T])
+        """Standard error (2,) of `mean` from the scatter of the starts [m/s]."""
+        return np.array([standard_error(component) for component in self.velocities.T])
 
 
 def drift(
@@ -193,68 +197,58 @@ def drift(
     duration: float,
     transient: float = 1000.0,
 ) -> Drift:
-    """Estimate the mean motion of the contact point over `duration` after a `transient` [s].
+    """Estimate the mean velocity of the contact point over `duration` after a `transient` [s].
 
-    attitudes (n, 4), momenta (n, 3): as for `orbits`. Raises InputError on unusable starts
-    or durations, and where a motion could not be followed.
+    attitudes (n, 4), momenta (n, 3): as for `orbits`. Raises InputError for invalid starts or
+    durations, and if an integration fails.
     """
     starts = Starts(parameters, attitudes, momenta)
-    no_way = np.zeros((len(starts.rows), 2))
-    # In the turned axes each start's momentum is against X, so that X is its OX.
-    rates = _mean_rates(starts, PATH, no_way, duration, transient)
+    origin = np.zeros((len(starts.rows), 2))
+    # In the aligned axes each momentum points along -X, so X is OX.
+    rates = _mean_rates(starts, PATH, origin, duration, transient)
     return Drift(rates.mean(axis=1)[:, 4:], duration)
 
 
 def _kaplan_yorke(largest: float, smallest: float) -> float:
-    """Return the dimension 1 + λ₁/|λ₆| of an attractor's section; 0 of a cycle's, 1 of a torus's.
-
-    From λ₁, 0, λ₆ with the direction of the motion left out.
-    """
+    """Return the dimension 1 + λ₁/|λ₆| of an attractor's section, without the flow direction."""
     if largest <= 0:
         return 0.0
-    # A sum that is not negative contracts no area: the section is filled.
+    # If the sum is not negative, areas do not contract and the section is filled.
     return 2.0 if largest + smallest >= 0 else 1 + largest / -smallest
 
 
 def standard_error(values: Array) -> float:
-    """Return the standard error of the mean of independent values (n,)."""
+    """Return the standard error of the mean of values (n,); NaN for one value."""
     return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
-
-
-TORUS, CHAOS, LOST, LINE = -1, -2, -3, -4
-_CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
-_REACHED = 1e-3  # of unit vectors: a point that near to a cycle has reached it
-_AT_REST = 1e-4  # of the speed that |M| allows: a frame that slow has settled on a straight line
-# Over _CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
-_CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
 
 
 @dataclass(frozen=True)
 class Basins(Value):
-    """labels (n,): for each start the number of its cycle in `cycles`, or TORUS, CHAOS, LINE, LOST.
+    """Attractors reached from n starts.
 
-    All tori have one label, as have all chaotic attractors and all straight-line motions (section
-    5.1); LOST could not be followed, or stops crossing the section g = 0.
+    labels (n,): number of the cycle in `cycles`, or TORUS, CHAOS, LINE (straight line, section
+    5.1) or LOST (integration failed, or no more crossings of g = 0), each shared by all of its
+    kind.
     """
 
     labels: Integers
     cycles: tuple[Cycle, ...]
 
     def share(self, label: int) -> float:
-        """Return the part of the starts with a label."""
+        """Return the fraction of the starts with a label."""
         return float(np.mean(self.labels == label))
 
 
 def basins(
     parameters: Parameters, attitudes: Array, momenta: Array, transient: float = 3000.0
 ) -> Basins:
-    """Find the attractor that the motion from each of n starts reaches, after a transient [s].
+    """Find the attractor reached from each of n starts after a transient [s].
 
-    attitudes (n, 4), momenta (n, 3): as for `orbits`. A start that approaches a cycle more
-    slowly than the transient allows counts as on a torus. Raises InputError on unusable starts.
+    attitudes (n, 4), momenta (n, 3): as for `orbits`. A start that approaches a cycle too slowly
+    for the transient counts as on a torus. Raises InputError for invalid starts.
     """
     momenta = np.asarray(momenta, dtype=float)
-    # The dear steps come last, for the starts that the cheap ones left undecided.
+    # Cheap tests first; expensive ones only for the starts that are still undecided.
     settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), LONG_RUN_TOLERANCE)
     labels = np.where(settled.status > 0, LOST, TORUS)
     at_end = settled.attitudes[:, 1]
@@ -278,13 +272,13 @@ def basins(
         cycle = _attracting(parameters, crossings.attitudes[i, -1], momenta[start], period)
         if cycle is None:
             continue
-        # All starts that have reached this cycle are labelled at once, so that it is closed once.
-        own = sections_of(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
-        reached: Mask = nearest(points[:, -1], own.states[0]) < _REACHED
+        # Label all starts on this cycle at once, so that it is closed only once.
+        on_cycle = sections_of(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
+        reached: Mask = nearest(points[:, -1], on_cycle.states[0]) < _REACHED
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)
-    # An orbit that repeats too slowly to be seen is regular, and counts as a torus.
+    # A motion that repeats too slowly to be recognized is regular, and counts as a torus.
     undecided = np.flatnonzero(labels == TORUS)
     if len(undecided):
         begin = settled.attitudes[undecided, 1]
@@ -294,8 +288,8 @@ def basins(
 
 
 def _resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
-    """Return where (n,) the frame hardly turns, at attitudes (n, 4), world momenta (n, 3)."""
-    # Motions that could not be followed are NaN: any attitude stands in for theirs.
+    """Return where (n,) the frame hardly rotates; attitudes (n, 4), momenta (n, 3) world."""
+    # Failed integrations are NaN; substitute an arbitrary attitude for them.
     followed: Mask = np.asarray(np.isfinite(attitudes).all(axis=1))
     axes = rotation_matrix(np.where(followed[:, None], attitudes, [1.0, 0.0, 0.0, 0.0]))
     M = np.einsum("nij,ni->nj", axes, momenta)
@@ -306,8 +300,8 @@ def _resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
 
 
 def _repeats(points: Array, times: Array) -> float | None:
-    """Return the time since crossings (m, 6) at times (m,) last were where the last is [s]."""
-    # The latest repetition, and so the shortest period: a cycle may cross the section often.
+    """Return the time [s] from the previous visit to the last of crossings (m, 6), or None."""
+    # The latest visit gives the shortest period, in which the cycle may cross several times.
     gaps = np.linalg.norm(points[:-1] - points[-1], axis=1)
     again = np.flatnonzero(gaps < _REACHED)
     return float(times[-1] - times[again[-1]]) if len(again) else None
@@ -316,10 +310,10 @@ def _repeats(points: Array, times: Array) -> float | None:
 def _attracting(
     parameters: Parameters, attitude: Array, momentum: Array, period: float
 ) -> Cycle | None:
-    """Return the attracting cycle of about that period [s] near an attitude (4,), or None."""
+    """Return the attracting cycle near an attitude (4,), with about that period [s], or None."""
     try:
         cycle = close(parameters, attitude, momentum, period)
     except InputError:
         return None
-    # Newton's method closes repelling cycles as well, and no motion ends on one.
+    # Newton's method also finds repelling cycles, which no motion approaches.
     return cycle if abs(cycle.multipliers[0]) < 1 else None

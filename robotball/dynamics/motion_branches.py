@@ -1,14 +1,14 @@
-"""Branches of a ball's motions in one number of it: fixed points, straight lines, cycles.
+"""Branches of a ball's motions in one of its numbers: fixed points, straight lines, cycles.
 
-Solutions are sought among γ from rest, M = 0, and else among γ and μ = M/√f, in principal axes.
-Their flow keeps γ² = 1, μ² = 1 and (μ, γ) = c/√f. It stands still at the fixed points of (4.1) and
-on the straight lines of section 5.1. Of a cycle the unknowns are a start and ln T, with the period
-T, which may grow without bound. It is closed in the direction of time in which phase volume
-shrinks: the other loses all digits.
+The unknowns are γ for motions from rest (M = 0), otherwise γ and μ = M/√f, in principal axes. The
+flow preserves γ² = 1, μ² = 1 and (μ, γ) = c/√f. Its equilibria are the fixed points of (4.1) or the
+straight lines of section 5.1. The unknowns of a cycle are a start and ln T; its period T may grow
+without bound. A cycle is integrated in the direction of time in which phase volume shrinks, because
+the other direction loses all digits.
 
-Where a branch of cycles ends so, ds/d(ln T) ~ T^-1/p for a period that grows as |s - s*|^-p. By
-Seydel, chapter 7, p is 1/2 where a saddle and a node come together on the cycle; at a saddle the
-period grows as ln |s - s*| only, and p tends to 0.
+If the period grows as T ~ |s - s*|^-p at the end of a branch, then ds/d(ln T) ~ T^(-1/p). By
+Seydel, chapter 7, p = 1/2 if a saddle and a node merge on the cycle; at a saddle the period grows
+only as ln |s - s*|, and p tends to 0.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -32,19 +32,19 @@ from robotball.rotations import Array, tangents
 from robotball.theory.ensembles.orbits import angular_velocity, orbits
 
 ENDLESS = "its period passes"
-_TINY = 1e-300  # beside a multiplier that is zero by rounding
-_PHASES = 400  # of a cycle, to start from
-_SPAN = 0.3  # in ln T: between the points by which the growth of a period is measured
-_LOGARITHM = 0.3  # a power below it is falling to 0
-# Values within the range at which fixed points are sought, in 40 ms each, and straight lines, in
-# 0.2 ms: closed branches of lines have been seen as short as a hundredth of a range.
+_TINY = 1e-300  # added to multipliers, which may be zero by rounding
+_PHASES = 400  # points of a cycle, to choose a start from
+_SPAN = 0.3  # distance in ln T of the two points that measure the growth of a period
+_LOGARITHM = 0.3  # an exponent p below this means logarithmic growth
+# Numbers of interior values of s at which fixed points (40 ms each) and straight lines (0.2 ms
+# each) are sought. Closed branches of lines can be as short as a hundredth of the range.
 _POINTS, _LINES = 20, 2000
 _GOLDEN = (np.sqrt(5.0) - 1) / 2
-_Found = TypeVar("_Found")
+_Solution = TypeVar("_Solution")
 
 
 class Range:
-    """A number `name` that goes from low to high as s goes from 0 to 1."""
+    """A number `name` that varies linearly from low to high as s goes from 0 to 1."""
 
     name: str
     low: float
@@ -52,34 +52,34 @@ class Range:
 
     @property
     def label(self) -> tuple[str, str]:
-        """The number as it is written, and its unit."""
+        """Symbol and unit of the number."""
         raise NotImplementedError
 
     @property
-    def own(self) -> float:
-        """The number as it is where nothing is changed."""
+    def nominal(self) -> float:
+        """The unmodified ball's value of the number."""
         raise NotImplementedError
 
     def value(self, s: float) -> float:
-        """Return the number at s."""
+        """Return the value at s."""
         return self.low + s * (self.high - self.low)
 
     def at(self, s: float) -> tuple[Any, ...]:
-        """Return what moves at s, with the unit of M [kg m²/s]."""
+        """Return the ball and its level at s, with the unit of M in kg m²/s."""
         raise NotImplementedError
 
     def places(self, inside: int) -> list[float]:
-        """Return where solutions are sought: both ends, the ball's own number, `inside` between."""
-        own = float((self.own - self.low) / (self.high - self.low))
-        # The golden section keeps off the middle and other round numbers, where a ball may have a
-        # symmetry and its solutions coincide.
+        """Return the s to search at: both ends, the unmodified ball's value, `inside` others."""
+        nominal = float((self.nominal - self.low) / (self.high - self.low))
+        # The golden ratio avoids round numbers, at which a ball may be symmetric and solutions
+        # coincide.
         between = (np.arange(inside) + _GOLDEN) / inside
-        return [0.0, 1.0, *[own] * (0 < own < 1), *between]
+        return [0.0, 1.0, *[nominal] * (0 < nominal < 1), *between]
 
 
 @dataclass(frozen=True)
 class Family(Range):
-    """A ball and its world momentum (3,); s from 0 to 1 is `name` of NUMBERS from low to high."""
+    """A ball and its world momentum (3,) with the number `name` of NUMBERS from low to high."""
 
     parameters: Parameters
     momentum: Array
@@ -89,12 +89,12 @@ class Family(Range):
 
     @property
     def label(self) -> tuple[str, str]:
-        """The number as it is written, and its unit."""
+        """Symbol and unit of the number."""
         return NUMBERS[self.name]
 
     @property
-    def own(self) -> float:
-        """The ball's own number."""
+    def nominal(self) -> float:
+        """The unmodified ball's value of the number."""
         return numbers_of(self.parameters, self.momentum)[self.name]
 
     def at(self, s: float) -> tuple[Parameters, float, float]:
@@ -109,56 +109,57 @@ class Family(Range):
         v = vectors_of(u)
         M = size * v[1] if len(v) > 1 else np.zeros(3)
         omega = parameters.angular_velocity(tuple(M), tuple(v[0]))
-        return np.concatenate([eq.cross(each, omega) for each in v])
+        return np.concatenate([eq.cross(vector, omega) for vector in v])
 
     def constants(self, u: Array, s: float) -> Array:
-        """Return what is zero on the level: γ² - 1 and, where M ≠ 0, μ² - 1 and (μ, γ) - c/√f."""
+        """Return γ² - 1 and, if M ≠ 0, μ² - 1 and (μ, γ) - c/√f, all zero on the level."""
         gamma, *mu = v = vectors_of(u)
         return np.stack(
             [*(v * v).sum(axis=1) - 1, *((m * gamma).sum(axis=0) - self.at(s)[2] for m in mu)]
         )
 
     def flow(self, u: Array, s: float) -> tuple[Flow, int]:
-        """Return the flow near u, and how many coordinates it has."""
+        """Return the flow near u and its number of coordinates."""
         parameters, size, _ = self.at(s)
         gamma, *mu = vectors_of(u)
         return flow_near(parameters, gamma, *(size * m for m in mu)), 2 + len(mu)
 
 
 def vectors_of(u: Array) -> Array:
-    """Return γ, or γ and μ, (k, 3, ...) of a solution u (n, ...)."""
+    """Return γ, or γ and μ, as (k, 3, ...) of an unknown u (n, ...)."""
     return u[: len(u) // 3 * 3].reshape(-1, 3, *u.shape[1:])
 
 
 def sought(
     family: Range,
     inside: int,
-    found: Callable[..., Iterable[_Found]],
+    solve: Callable[..., Iterable[_Solution]],
     watch: co.Watch = co.SILENT,
-) -> Iterator[tuple[list[_Found], float]]:
-    """Yield all that is found at each of the family's places, until it raises, with its s.
+) -> Iterator[tuple[list[_Solution], float]]:
+    """Yield the solutions at each s of the family, up to the first that raises InputError, and s.
 
-    Raises InputError for a number that the ball cannot have, and where every place raises it, as
-    where solutions fill curves. At some places two may be about to coincide: the watch is told.
+    The watch is told of such errors, for example if two solutions nearly coincide. Raises
+    InputError if the ball cannot have the number, and if every s fails without a solution, for
+    example because solutions fill curves.
     """
-    refused = []
+    errors = []
     for place, s in enumerate(places := family.places(inside), 1):
         watch.seeks(s, place, len(places))
-        ball, some = family.at(s), list[_Found]()
+        ball, solutions = family.at(s), list[_Solution]()
         try:
-            some.extend(found(*ball))
+            solutions.extend(solve(*ball))
         except InputError as error:
-            refused += [error] * (not some)
+            errors += [error] * (not solutions)
             watch.lost(s, str(error))
-        yield some, s
-    if len(refused) == len(places):
-        raise refused[0]
+        yield solutions, s
+    if len(errors) == len(places):
+        raise errors[0]
 
 
 def resting(family: Family, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]:
-    """Yield the branches of fixed points from rest, or of straight lines where M ≠ 0.
+    """Yield the branches of fixed points from rest or, if M ≠ 0, of straight lines.
 
-    They are all that there are at the family's places, and what crosses them.
+    They pass through all solutions at the searched values of s, or cross such a branch.
     """
 
     def residual(u: Array, s: float) -> Array:
@@ -167,20 +168,20 @@ def resting(family: Family, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]:
     def exponents(u: Array, s: float) -> Array:
         return np.linalg.eigvals(linear_part(*family.flow(u, s))).astype(complex)
 
-    def found(parameters: Parameters, size: float, c: float) -> list[Array]:
+    def solve(parameters: Parameters, size: float, c: float) -> list[Array]:
         if not size:
             return [point.gamma for point in fixed_points(parameters)]
-        still = straight_verticals(parameters, size * size, c * size)
-        momenta = [parameters.momentum((0.0, 0.0, 0.0), as_vector(gamma)) for gamma in still]
-        return [np.append(g, np.array(M) / size) for g, M in zip(still, momenta, strict=True)]
+        verticals = straight_verticals(parameters, size * size, c * size)
+        momenta = [parameters.momentum((0.0, 0.0, 0.0), as_vector(gamma)) for gamma in verticals]
+        return [np.append(g, np.array(M) / size) for g, M in zip(verticals, momenta, strict=True)]
 
     problem = co.steady(residual, exponents, watch)
     branches: list[co.Branch] = []
     inside = _LINES if family.momentum.any() else _POINTS
-    for some, s in sought(family, inside, found, watch):
-        starts = [np.append(u, s) for u in some]
-        # Most have been passed, which is known without a correction.
-        if len(starts) != sum(each.passes(s) for each in branches):
+    for solutions, s in sought(family, inside, solve, watch):
+        starts = [np.append(u, s) for u in solutions]
+        # Equal counts: all are on known branches, and no correction is needed to see it.
+        if len(starts) != sum(branch.passes(s) for branch in branches):
             yield from co.explore(problem, starts, branches)
 
 
@@ -191,9 +192,9 @@ def cycling(
     born: Iterable[co.Point] = (),
     watch: co.Watch = co.SILENT,
 ) -> Iterator[co.Branch]:
-    """Yield the branches of given cycles, each with its s, and of those born at Hopf points.
+    """Yield the branches of the given cycles, each with its s, and of cycles born at Hopf points.
 
-    longest: the period beyond which none is followed [s]. A cycle is on one of the branches alone.
+    longest: periods beyond this are not followed [s]. Each cycle is on one yielded branch only.
     """
     branches: list[co.Branch] = []
 
@@ -205,10 +206,10 @@ def cycling(
         ball, M = family.at(s)[0], cycle.momentum
         if _repels(cycle.multipliers):
             ball, M = reversed_in_time(ball), -M
-        # Where the motion is slowest, an error of the start changes the period least.
+        # Start at the slowest point of the cycle, where an error affects the period least.
         times = np.linspace(0.0, cycle.period, _PHASES)
         along = orbits(ball, cycle.attitude[None], M[None], times).attitudes[0]
-        levels = [level_vectors(each, cycle.momentum).ravel() for each in along]
+        levels = [level_vectors(attitude, cycle.momentum).ravel() for attitude in along]
         u = min(levels, key=lambda u: float(np.linalg.norm(family.rate(u, s))))
         yield from through(np.array([*u, np.log(cycle.period), s]), cycle.multipliers)
     for hopf in born:
@@ -217,16 +218,15 @@ def cycling(
 
 
 def _repels(multipliers: Array) -> bool:
-    """Whether phase volume grows along a cycle."""
     return float(np.abs(multipliers).prod()) > 1
 
 
 def born_cycles(
     family: Family, hopf: co.Point, longest: float, most: int = 3
 ) -> tuple[float, co.Branch]:
-    """Return the first Lyapunov value at a Hopf point [1/s], and `most` of the cycles born there.
+    """Return the first Lyapunov value at a Hopf point [1/s] and the first cycles born there.
 
-    The first point of their branch is the Hopf point; longest: as for `cycling`.
+    The first of the branch's `most` points is the Hopf point; longest: see `cycling`.
     """
     u, s = hopf.x[:-1], hopf.x[-1]
     flow, size = family.flow(u, s)
@@ -241,7 +241,7 @@ def born_cycles(
 
 
 def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
-    """Return the logarithms (k,) of the multipliers; at M = 0 the volume's alone."""
+    """Return the logarithms (k,) of the multipliers; if M = 0, only that of the volume."""
     if not momentum.any():
         return np.array([volume], dtype=complex)
     return np.asarray(np.log(multipliers_of(monodromy, volume, momentum) + _TINY))
@@ -250,10 +250,10 @@ def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
 def _closing(
     family: Family, backwards: bool, longest: float, watch: co.Watch = co.SILENT
 ) -> co.Problem:
-    """Return the problem of motions that end where they start, backwards in time or not."""
+    """Return the problem of closing motions, integrated backwards in time or not."""
 
     def begin(u: Array, s: float) -> tuple[Parameters, Array, Array]:
-        """Return the ball, the attitude (4,) and the world momentum (3,) on the level, near u."""
+        """Return the ball, the attitude (4,) and world momentum (3,) nearest to u on the level."""
         ball, size, c = family.at(s)
         gamma, *mu = vectors_of(u)
         gamma = gamma / np.linalg.norm(gamma)
@@ -264,13 +264,13 @@ def _closing(
         return (reversed_in_time(ball), attitude, -M) if backwards else (ball, attitude, M)
 
     def reached(u: Array, s: float) -> Array:
-        """Return the vectors (3k,) after a period, less those before."""
+        """Return the change (3k,) of the level vectors over a period."""
         ball, attitude, M = begin(u, s)
         times = np.array([0.0, np.exp(u[-1])])
         first, last = orbits(ball, attitude[None], M[None], times).attitudes[0]
         return (level_vectors(last, M) - level_vectors(first, M)).ravel()
 
-    def look(u: Array, s: float) -> co.Look:
+    def look(u: Array, s: float) -> co.Linearization:
         ball, attitude, M = begin(u, s)
         period = float(np.exp(u[-1]))
         end, monodromy, volume = monodromy_of(ball, attitude, M, period)
@@ -294,17 +294,14 @@ def _closing(
 
 
 def growth(points: Sequence[co.Point]) -> tuple[float, float]:
-    """Return s* and p of a period that grows as |s - s*|^-p along the last of the points.
-
-    p is 0 where it grows as ln |s - s*|.
-    """
+    """Return s* and p of the growth T ~ |s - s*|^-p at the last point; p = 0 if logarithmic."""
     last = points[-1]
-    before = [each for each in points if each.x[-2] < last.x[-2] - _SPAN]
+    before = [point for point in points if point.x[-2] < last.x[-2] - _SPAN]
     ends = (before[-1] if before else points[0], last)
-    T = np.exp([each.x[-2] for each in ends])
-    slopes = np.array([each.tangent[-1] / each.tangent[-2] for each in ends])
+    T = np.exp([point.x[-2] for point in ends])
+    slopes = np.array([point.tangent[-1] / point.tangent[-2] for point in ends])
     p = float(np.log(T[1] / T[0]) / np.log(slopes[0] / slopes[1]))
     if p > _LOGARITHM:
         return float(last.x[-1] + p * slopes[1]), p
-    rates = slopes / T  # which fall exponentially
+    rates = slopes / T  # they decay exponentially
     return float(last.x[-1] + rates[1] * (T[1] - T[0]) / np.log(rates[0] / rates[1])), 0.0

@@ -1,15 +1,13 @@
 """The phase portrait of motion from rest (4.1): limit cycles and separatrices.
 
-With M = 0 chaos is impossible: on the sphere every motion ends at a fixed point or on a cycle. The
-fixed points are those of `equilibria`.
+With M = 0 the flow is on a sphere, so chaos is impossible: every motion ends at a fixed point (see
+`equilibria`) or on a cycle.
 
-*Limit cycles* are found by returns to an arc, then closed by Newton's method. A closed orbit C of
-(4.1) parts the sphere in two. The flow is the same at γ and -γ, so -C is one, too, and by Brouwer's
-theorem a side of C that held its own opposite would hold a γ = -γ. So either C = -C, and any point
-is parted by it from its opposite, or C and -C bound two sides without common points, each with a
-fixed point of index 1 whose opposite is in the other. Either way C crosses the half of a great
-circle from some fixed point of index 1 to its opposite: the cycles are where an orbit that starts
-on such an arc comes back to where it started.
+*Limit cycles* are found from returns to an arc, then closed by Newton's method. Every cycle C of
+(4.1) crosses the half great circle from a fixed point of index 1 to its opposite, for some such
+point: the flow is the same at γ and -γ, so -C is a cycle, too. If C = -C, it separates every point
+from its opposite. Otherwise C and -C bound two disjoint regions, by Brouwer's theorem each contains
+a fixed point of index 1, and its opposite is in the other region.
 
 *Separatrices* are the stable and unstable manifolds of the saddles.
 """
@@ -39,26 +37,26 @@ from robotball.theory.ensembles.orbits import Starts, components, orbit, orbits
 from robotball.theory.ensembles.steppers import ARC
 
 _NO_MOMENTUM = np.zeros(3)
-_SAMPLES = 4000  # of a closed curve: neighbours are some 2e-3 apart
-_RETURN_TOLERANCE = 1e-9  # of a step of an orbit that is to come back
-_NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
-_CLOSER = 16  # starts between two neighbours, where the return jumps
-_AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
-_SAME = 1e-6  # of unit vectors: two cycles so near are one
-# Of a multiplier from 1: an orbit round a centre closes, too.
-_HYPERBOLIC = 1e-5
-# Of the first point from the saddle: the manifold leaves its tangent by the square of it.
+_SAMPLES = 4000  # of a closed curve; neighbours are about 2e-3 apart
+_RETURN_TOLERANCE = 1e-9  # relative error of a step while searching for returns
+_NOISE = 1e-6  # rad, error of a return angle after many such steps
+_CLOSER = 16  # starts between two neighbours where the return map jumps
+_AT_REST = 1e-6  # of the flow's rates: a slower cycle is a fixed point
+_SAME = 1e-6  # distance of unit vectors below which two cycles are the same
+_HYPERBOLIC = 1e-5  # distance of a multiplier from 1: orbits around a centre close, too
+# Distance of a separatrix's first point from the saddle; its square is the distance from the
+# manifold.
 _OFFSET = 1e-4
-_REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
-_INTERVAL = 0.05  # s, at most, between two samples
+_REACHED = 0.02  # distance from a fixed point within which a separatrix ends there
+_INTERVAL = 0.05  # s, largest sample interval
 
 
 def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 64) -> list[Cycle]:
-    """Find the limit cycles of (4.1), stable and unstable, with periods to `longest` [s].
+    """Find the limit cycles of (4.1), stable and unstable, with periods up to `longest` [s].
 
-    One of each pair C, -C. From `starts` points of each arc orbits are followed until they come
-    back: of two cycles that cross it between neighbouring points neither is found. Raises
-    InputError for a classical ball, and where fixed points are not isolated.
+    Returns one of each pair C, -C. Orbits are followed from `starts` points of each arc until they
+    return; two cycles between neighbouring points may both be missed. Raises InputError for a
+    classical ball and if fixed points are not isolated.
     """
     cycles: list[Cycle] = []
     curves: list[Array] = []
@@ -70,15 +68,15 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
 
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
-        # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
+        # Two arcs per point: a cycle that passes close to the end of one is clear of the other.
         for arc in (np.stack([gamma, side]) for gamma in centres for side in tangents(gamma)):
             for gamma, period in _returning(ball, arc, longest, starts):
-                # Asked before, to save closing it, and after, when a point of it is exact.
+                # Checked before, to save closing it, and again with the exact point.
                 if known(gamma) or (cycle := closed(ball, gamma, period)) is None:
                     continue
                 if cycle.period > longest or known(cycle.gamma):
                     continue
-                # Backwards in time a multiplier is its inverse.
+                # Reversing time inverts the multipliers.
                 cycles.append(replace(cycle, multipliers=cycle.multipliers**sense))
                 curves.append(curve_of(ball, cycle.gamma, cycle.period))
     return cycles
@@ -86,13 +84,13 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
 
 def _of_index_one(points: list[FixedPoint]) -> list[Array]:
     """Return γ (3,) of the fixed points of index 1, one of each pair ±γ."""
-    found: list[Array] = []
+    representatives: list[Array] = []
     for point in points:
         if point.kind not in ("saddle", "degenerate") and not any(
-            np.abs(point.gamma + known).max() < 1e-6 for known in found
+            np.abs(point.gamma + gamma).max() < 1e-6 for gamma in representatives
         ):
-            found.append(point.gamma)
-    return found
+            representatives.append(point.gamma)
+    return representatives
 
 
 def _returning(
@@ -102,24 +100,25 @@ def _returning(
     starts: int,
     part: tuple[float, float] = (0.0, np.pi),
 ) -> Iterator[tuple[Array, float]]:
-    """Yield γ (3,) near where attracting cycles cross a part of an arc, and periods [s].
+    """Yield γ (3,) near crossings of attracting cycles with an arc, and approximate periods [s].
 
-    arc (2, 3): the half of the great circle through two unit vectors from the first by the second
-    to the first's opposite, 0 < ψ < π of `on_circle`; part: of it, by ψ.
+    arc (2, 3): unit vectors of `on_circle`; the arc is 0 < ψ < π, from the first vector through the
+    second to the first's opposite. part: the interval of ψ to search.
 
-    There the return falls behind the start. As orbits do not cross each other, returns keep their
-    order as long as they go on continuously: a fall by more than the starts are apart is a jump.
-    At a jump, or where the last of the starts comes back, it is looked closer, once.
+    At a cycle the return angle, relative to the start's, changes from ahead to behind. Orbits do
+    not cross, so returns keep their order wherever the return map is continuous; a decrease by more
+    than the spacing is a jump. Jumps, and the ends of the set of returning starts, are searched
+    once more with finer spacing.
     """
     apart = (part[1] - part[0]) / starts
-    # The middles of equal pieces: the ends of an arc are fixed points, from which nothing returns.
+    # Midpoints of equal intervals: the ends of an arc are fixed points, which never return.
     angles = np.linspace(*part, 2 * starts + 1)[1::2]
     ahead, times = _first_returns(parameters, arc, angles, longest)
     gap = ahead - angles
     gap[np.abs(gap) < _NOISE] = 0.0
     fall = gap[:-1] - gap[1:]
     for i in range(starts - 1):
-        if np.abs(fall[i]) <= apart + _NOISE:  # and not NaN
+        if np.abs(fall[i]) <= apart + _NOISE:  # false for NaN
             if gap[i] >= 0 >= gap[i + 1] and fall[i] > 0:
                 yield on_circle(arc, angles[i] + gap[i] / fall[i] * apart), float(times[i])
         elif part == (0.0, np.pi) and min(abs(gap[i]), abs(gap[i + 1])) < 2 * apart:
@@ -130,13 +129,13 @@ def _returning(
 def _first_returns(
     parameters: Parameters, arc: Array, angles: Array, longest: float
 ) -> tuple[Array, Array]:
-    """Return the angles (n,) at which orbits from angles (n,) of an arc come back, and when [s].
+    """Return the angles (n,) and times (n,) [s] of first return from angles (n,) of an arc.
 
-    They cross the arc the same way as they started; NaN where they do not within `longest`.
+    A return crosses the arc in the direction of the start; NaN if there is none within `longest`.
     """
     (centre, across), gamma = arc, on_circle(arc, angles)
     normal = np.cross(centre, across)
-    # Any turn about the vertical would do: with M = 0 it changes nothing.
+    # Any heading: with M = 0 a rotation about the vertical changes nothing.
     first = np.broadcast_to(normal, gamma.shape)
     attitudes = from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=1))
     way = np.sign(normal @ np.stack(flow(parameters, tuple(gamma.T))))
@@ -150,12 +149,12 @@ def _first_returns(
 def closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
     """Return the cycle near γ (3,) with about this period [s] or half of it, or None.
 
-    Half: an orbit may pass the end of an arc once, and come back to the arc the second time.
+    Half, because an orbit may miss the end of an arc once and return the second time.
     """
     cycle = _closed(parameters, gamma, period)
     if cycle is None:
         return None
-    # Newton's method from half the period finds the same cycle only where that is the period.
+    # From half the period, Newton's method finds the same cycle only if that is its period.
     half = _closed(parameters, cycle.gamma, cycle.period / 2)
     same = half is not None and np.linalg.norm(half.gamma - cycle.gamma) < _SAME
     return half if same else cycle
@@ -166,30 +165,30 @@ def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None
         cycle = close(parameters, attitude_at(gamma), _NO_MOMENTUM, period)
     except InputError:
         return None
-    # A fixed point, too, is where it was after any time.
+    # A fixed point closes after any time, too.
     rate = np.linalg.norm(flow(parameters, as_vector(cycle.gamma)))
     moves = rate > _AT_REST * rate_scale(parameters)
     return cycle if moves and abs(cycle.multipliers[0] - 1) > _HYPERBOLIC else None
 
 
 def reversed_in_time(parameters: Parameters) -> Parameters:
-    """Return the ball that moves backwards in time: ω is linear in M, K and Ω together."""
+    """Return the ball whose motions run backwards in time: ω is linear in (M, K, Ω)."""
     return replace(
         parameters, Omega=eq.scale(-1.0, parameters.Omega), K=eq.scale(-1.0, parameters.K)
     )
 
 
 def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
-    """Return γ (_SAMPLES, 3) over a period from γ (3,)."""
+    """Return γ (_SAMPLES, 3) over one period, starting from γ (3,)."""
     times = np.linspace(0.0, period, _SAMPLES)
     return rotation_matrix(orbit(parameters, attitude_at(gamma), _NO_MOMENTUM, times)[:, :4])[:, 2]
 
 
 def involute(gamma: Array) -> Array:
-    """Return the unrolled sphere's coordinates φ, γ₃ (..., 2) of points γ (..., 3) [rad, -].
+    """Return the area-preserving map coordinates φ, γ₃ (..., 2) of points γ (..., 3) [rad, -].
 
-    φ = π/4 + arctan(γ₁/γ₂), from 0 to 2π, as in the paper's Figs 6 to 8. The map preserves areas.
-    In a line γ (n, 3) φ is NaN where it jumps by 2π, so that no segment is drawn across.
+    φ = π/4 + arctan(γ₁/γ₂), from 0 to 2π, as in the paper's Figs 6 to 8. For a line γ (n, 3), φ is
+    NaN where it jumps by 2π, so that no segment is drawn across the map.
     """
     phi = (np.pi / 4 + np.arctan2(gamma[..., 0], gamma[..., 1])) % (2 * np.pi)
     if phi.ndim:
@@ -198,16 +197,17 @@ def involute(gamma: Array) -> Array:
 
 
 def _lies_on(gamma: Array, curve: Array) -> bool:
-    """Return whether γ (3,) is as near to a closed curve (n, 3) as its samples are apart."""
+    """Return whether γ (3,) is within one sample spacing of a closed curve (n, 3)."""
     spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
     return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
 
 
 @dataclass(frozen=True)
 class _Separatrix(Value):
-    """Half of a saddle's manifold: γ (n, 3) from the saddle on, back in time where it is stable.
+    """Half of a saddle's stable or unstable manifold.
 
-    end: the fixed point that it reaches; None where it reaches none in the time allowed.
+    path: γ (n, 3) from the saddle on, backwards in time if stable. end: the fixed point that it
+    reaches, or None if it reaches none within the duration.
     """
 
     saddle: FixedPoint
@@ -221,22 +221,22 @@ def separatrices(
 ) -> list[_Separatrix]:
     """Follow both halves of both manifolds of every saddle for a duration [s]."""
     times = sample_times(duration, _INTERVAL)
-    found = []
-    # A stable manifold is the unstable one of the ball that moves backwards in time.
+    lines = []
+    # The stable manifold is the unstable one of the time-reversed ball.
     for stable, ball in ((False, parameters), (True, reversed_in_time(parameters))):
         halves = [(point, sign) for point in points if point.kind == "saddle" for sign in (1, -1)]
         if not halves:
             return []
         starts = np.array([_near(ball, point.gamma, sign) for point, sign in halves])
         runs = orbits(ball, attitude_at(starts), np.zeros_like(starts), times)
-        for (saddle, _), each in zip(halves, runs.attitudes, strict=True):
-            path = rotation_matrix(each)[:, 2]
-            found.append(_Separatrix(saddle, stable, path, reached(path[-1], points)))
-    return found
+        for (saddle, _), attitudes in zip(halves, runs.attitudes, strict=True):
+            path = rotation_matrix(attitudes)[:, 2]
+            lines.append(_Separatrix(saddle, stable, path, reached(path[-1], points)))
+    return lines
 
 
 def _near(parameters: Parameters, gamma: Array, sign: int) -> Array:
-    """Return a point (3,) beside the saddle γ (3,), where the flow leaves it."""
+    """Return a point (3,) near the saddle γ (3,), along the unstable direction."""
     values, vectors = np.linalg.eig(jacobian(parameters, gamma))
     out = vectors[:, np.argmax(values.real)].real @ tangents(gamma)
     beside = gamma + sign * _OFFSET * out
@@ -244,6 +244,6 @@ def _near(parameters: Parameters, gamma: Array, sign: int) -> Array:
 
 
 def reached(gamma: Array, points: Sequence[FixedPoint]) -> FixedPoint | None:
-    """Return the fixed point that γ (3,) is at, if any."""
+    """Return the fixed point within _REACHED of γ (3,), or None."""
     nearest = min(points, key=lambda point: float(np.linalg.norm(point.gamma - gamma)))
     return nearest if np.linalg.norm(nearest.gamma - gamma) < _REACHED else None

@@ -1,12 +1,12 @@
-"""Poincaré sections g = g₀ of section 5.2, in both rolling models, without angles.
+"""Poincaré sections g = g₀ of section 5.2, for both rolling models.
 
-The section is an annulus: the points at L = ±√f differ with l. Orbits cross it in both
-directions, towards larger g (+1) and smaller (-1).
+The section is an annulus, because the points at L = ±√f differ with l. Orbits cross it in both
+directions, towards larger g (+1) and smaller g (-1).
 
-Crossings of the equations are found by the compiled steps, each by steps that end on the section
-(`ensembles.crossings`). A contact engine's motion is known at its samples only, but with the exact
-rates there, for everything that stands still in space turns in the frame at v×ω: between samples it
-follows cubic Hermite polynomials.
+Compiled steps of the equations end exactly on the section (`ensembles.crossings`). For a contact
+engine's motion, values and exact rates are known at the samples: vectors v that are constant in
+space have the rate v×ω in frame axes. Between samples they are interpolated with cubic Hermite
+polynomials.
 
 In order: crossings of the equations, periodic orbits, crossings of a sampled motion.
 """
@@ -48,19 +48,22 @@ from robotball.theory.ensembles.orbits import (
 )
 from robotball.theory.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, System, stepper
 
-# Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
+# Limit between two crossings; a few dozen are usual, and an orbit at rest never crosses.
 _STEPS_PER_CROSSING = 100_000
-_MOST_PERIODS = 1000  # of one drive in the common period of all
-_ON_PERIOD = 1e-9  # of a period of any: what rounding leaves, where frequencies have a common one
-_ON_SECTION = 1e-10  # a start that near counts as on the section, and is no crossing
+_MOST_PERIODS = 1000  # largest number of one drive's periods in the common period
+_ON_PERIOD = 1e-9  # of a period: rounding of commensurable frequencies
+_ON_SECTION = 1e-10  # a start nearer than this is on the section and does not count as a crossing
+_LINES = 4  # strongest spectral lines that are tried: the strongest may be a multiple of ρ
+_CORRECTIONS = 4
+_HARMONICS = 120  # enough for a smooth curve; at most an eighth of the number of points
 
 
 @dataclass(frozen=True)
 class Crossings(Value):
-    """Hold the m crossings of a motion, in principal axes; or (n, m) of n motions.
+    """The m crossings of a motion in principal axes, or (n, m) crossings of n motions.
 
-    times (m,) s; gamma (m, 3); momenta (m, 3) kg m²/s; directions (m,): +1 where g grows, -1
-    where it falls.
+    times (m,) [s]; gamma (m, 3); momenta (m, 3) [kg m²/s]; directions (m,): +1 if g increases, -1
+    if it decreases.
     """
 
     times: Array
@@ -80,51 +83,51 @@ class Crossings(Value):
 
     @property
     def states(self) -> Array:
-        """γ and M/|M| (m, 6), whose distance needs no angle.
+        """γ and M/|M| (m, 6), for distances without angles.
 
-        On the annulus (l, L) two near states may lie far apart, at L = ±√f or at l = ±π.
+        In (l, L) two near states may be far apart: near L = ±√f, or at l = ±π.
         """
-        # Unscaled, the longer of the two vectors would decide the distance alone.
+        # Scaled, so that both vectors have the same weight in a distance.
         sizes = np.linalg.norm(self.momenta, axis=-1, keepdims=True)
         return np.concatenate([self.gamma, self.momenta / sizes], axis=-1)
 
     def __getitem__(self, which: int | slice | Mask | tuple[int, slice]) -> "Crossings":
-        """Return some of the crossings."""
-        return Crossings(*(getattr(self, each.name)[which] for each in fields(Crossings)))
+        """Return a subset of the crossings."""
+        return Crossings(*(getattr(self, field.name)[which] for field in fields(Crossings)))
 
     def only(self, direction: int) -> "Crossings":
-        """Return the crossings of one direction; all of them for 0."""
+        """Return the crossings in one direction; all of them if it is 0."""
         return self[(self.directions == direction) | (direction == 0)]
 
     def later(self, time: float) -> "Crossings":
-        """Return the crossings `time` [s] later."""
+        """Return the crossings, delayed by `time` [s]."""
         return replace(self, times=self.times + time)
 
 
 def joined(parts: Sequence[Crossings]) -> Crossings:
-    """Return crossings one after the other."""
-    names = [each.name for each in fields(Crossings)]
-    return Crossings(*(np.concatenate([getattr(of, name) for of in parts]) for name in names))
+    """Return the concatenated crossings."""
+    names = [field.name for field in fields(Crossings)]
+    return Crossings(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 @dataclass(frozen=True)
 class Section(Crossings):
-    """Hold the first m crossings of g = g₀ by n orbits, after their start.
+    """Hold the first m crossings of g = g₀ by n orbits.
 
     Attributes
     ----------
     times : (n, m), s
-        The times. What was not found is NaN.
+        NaN if not found.
     gamma, momenta : (n, m, 3), principal axes
-        The vectors γ and M, of which `l`, `L` and `states` are made.
+        The vectors γ and M.
     directions : (n, m)
-        1 where g grows, -1 where it falls, 0 where nothing was found.
+        1 if g increases, -1 if it decreases, 0 if not found.
     attitudes : (n, m, 4), frame to world
         The attitudes.
     found : (n,)
         How many of the m crossings were found.
     status : (n,)
-        How each orbit ended, as `orbits` says it.
+        How each orbit ended; see `orbits`.
     """
 
     attitudes: Array
@@ -132,7 +135,7 @@ class Section(Crossings):
     status: Integers
 
     def after(self, skipped: int) -> Crossings:
-        """Return each orbit's crossings but the first ones, orbit by orbit."""
+        """Return all orbits' crossings, concatenated, without the first `skipped` of each."""
         return joined([self[i, skipped:] for i in range(len(self.times))])
 
 
@@ -145,22 +148,21 @@ def sections_of(
     direction: int = 0,
     tolerance: float = STEP_TOLERANCE,
 ) -> Section:
-    """Find the first `count` crossings of g = `g` [rad] by the motions from many starts.
+    """Find the first `count` crossings of g = `g` [rad] by the motions from n starts.
 
-    balls: one, or several with equally many of the starts each; attitudes (n, 4), momenta (n, 3),
-    tolerance: as for `orbits`; direction: 1 or -1 for one direction only, 0 for both. On the
-    section to 1e-12 of sin(g - g₀)√(1 - L²/f). Raises InputError on unusable starts, such as M = 0,
-    which has no g.
+    balls: one, or several with equally many starts each; attitudes (n, 4), momenta (n, 3) and
+    tolerance: as for `orbits`; direction: 1 or -1, or 0 for both. Crossings are accurate to 1e-12
+    in sin(g - g₀)√(1 - L²/f). Raises InputError for invalid starts; M = 0 has no g.
     """
     starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all() or count < 1 or direction not in (-1, 0, 1):
         raise InputError(
-            "a section needs M other than zero, a count of 1 or more, a direction ±1, 0"
+            "a section needs M other than zero, a count of at least 1, a direction of 1, -1 or 0"
         )
     m, c = (starts.rows[:, LEVEL - BALL :][:, :2] / starts.size[:, None]).T
     numbers = np.stack(np.broadcast_arrays(np.cos(g), np.sin(g), m, c), axis=1)
-    found = crossings(starts, RETURN, numbers, count, direction, tolerance)
-    times, states, directions, number, status = found
+    results = crossings(starts, RETURN, numbers, count, direction, tolerance)
+    times, states, directions, number, status = results
     world = starts.to_world(states)
     MX, MY, MZ = np.asarray(momenta, dtype=float).T[:, :, None]
     axes = eq.unit_space_axes(components(world))
@@ -242,11 +244,11 @@ def crossings(
 ) -> tuple[Array, Array, Integers, Integers, Integers]:
     """Find the first `count` zeros of a system's section function, within `longest` [s].
 
-    numbers (n, k): of the section, for each start. Returns times, states (n, m, size) in turned
-    axes, directions, found and status, as a Section has them.
+    numbers (n, k): parameters of the section for each start. Returns times (n, m), states
+    (n, m, size) in axes aligned with M, and directions, found and status as in `Section`.
     """
     n = len(starts.rows)
-    # The numbers stand in the rows that the compiled steps read, as the ball's do.
+    # The compiled steps read the parameters from the same rows as the ball's.
     starts.rows[:, SECTION - BALL :][:, : numbers.shape[1]] = numbers
     times, states = np.full((n, count), np.nan), np.full((n, count, system.size), np.nan)
     directions = np.zeros((n, count), np.int64)
@@ -257,9 +259,9 @@ def crossings(
     lengths = starts.first_lengths(longest, tolerance)
 
     def find(queue: Queue) -> None:
-        own = *work(system.size, 5), np.zeros((LANES, TRACK))
-        allowed = tolerance, _STEPS_PER_CROSSING, longest, direction
-        cross(step, queue, rows, lengths, *allowed, *own, *results)
+        buffers = *work(system.size, 5), np.zeros((LANES, TRACK))
+        limits = tolerance, _STEPS_PER_CROSSING, longest, direction
+        cross(step, queue, rows, lengths, *limits, *buffers, *results)
 
     in_threads(find, math.ceil(n / LANES))
     return results
@@ -268,7 +270,7 @@ def crossings(
 def section_starts(
     L: ArrayLike, l: ArrayLike, f: float, g: float = 0.0, c: float = 0.0
 ) -> tuple[Array, Array]:
-    """Return attitudes (n, 4), world momenta (n, 3) of points L, l (n,) of g = `g` by (5.5).
+    """Return attitudes (n, 4) and world momenta (n, 3) of section points L, l (n,), by (5.5).
 
     Raises InputError unless f > 0, L² < f and c² < f.
     """
@@ -280,17 +282,17 @@ def section_starts(
 
 
 def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
-    """Return the periodic orbit near (L, l) of g = 0 that comes back at the first return.
+    """Return the periodic orbit near (L, l) of g = 0 that closes at its first return.
 
-    A fixed point of the map is one crossing of it; its multipliers are the orbit's. Raises
-    InputError where Newton's method does not converge.
+    Raises InputError if Newton's method does not converge.
     """
+    # The given point may cross in either direction, so start from its next crossing.
     # The given point need not be on a crossing that the map counts: it starts at the next one.
     attitudes, momenta = section_starts(L, l, f)
     first = sections_of(parameters, attitudes, momenta, 1)
     if first.status.any():
-        raise InputError("the orbit never comes back to the section")
-    # From the first crossing on in its own direction alone: a return is one that crosses alike.
+        raise InputError("the orbit never returns to the section: choose another point (L, l)")
+    # A return is a crossing in the same direction.
     direction = int(first.directions[0, 0])
     same_way = sections_of(parameters, attitudes, momenta, 2, direction=direction)
     period = float(same_way.times[0, 1] - same_way.times[0, 0])
@@ -298,28 +300,26 @@ def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
 
 
 def period_of(scene: Scene) -> float:
-    """Return the period [s] of all that drives a scene.
+    """Return the common period [s] of all drives of a scene.
 
-    Where mass that turns is not balanced, a mean rate has a period too: a whole turn. Raises
-    InputError where there is none.
+    If a rotating body is not balanced, its mean rate contributes the period of a full turn. Raises
+    InputError if there is no period.
     """
     if scene.controller is not None or any(hinge.motor for hinge in scene.hinges):
         raise InputError(
-            f"{scene.name}: a stroboscopic map needs given rates; what a motor moves has a state "
-            "of its own"
+            f"{scene.name}: a stroboscopic map needs prescribed rates; remove the motors and the "
+            "controller, which have states of their own"
         )
     parts = [_parts(scene, drive) for drive in (*scene.drives, *scene.plane_drives)]
-    frequencies = [p.frequency for each in parts for p in each if isinstance(p, Sine)]
+    frequencies = [part.frequency for p in parts for part in p if isinstance(part, Sine)]
     if scene.not_reduced:
-        for hinge, own in zip(scene.ball.hinges, parts, strict=False):
-            # Over the periods of its swings a hinge turns by its mean rate alone.
-            mean = sum(p.value if isinstance(p, Constant) else p.mean for p in own)
+        for hinge, terms in zip(scene.ball.hinges, parts, strict=False):
+            # Sines cancel over their period, so only the mean rate turns the hinge.
+            mean = sum(p.value if isinstance(p, Constant) else p.mean for p in terms)
             if mean and not isinstance(hinge.body, Rotor):
                 frequencies.append(abs(mean) / (2 * np.pi))
     if not frequencies:
-        raise InputError(
-            f"{scene.name}: nothing drives it periodically, as a stroboscopic map needs"
-        )
+        raise InputError(f"{scene.name}: a stroboscopic map needs a periodic drive, such as a Sine")
     ratios = [Fraction(f / frequencies[0]).limit_denominator(_MOST_PERIODS) for f in frequencies]
     period = math.lcm(*(ratio.denominator for ratio in ratios)) / frequencies[0]
     if any(abs(f * period - round(f * period)) > _ON_PERIOD for f in frequencies):
@@ -330,54 +330,54 @@ def period_of(scene: Scene) -> float:
 
 
 def _parts(scene: Scene, drive: Drive) -> list[Constant | Sine]:
-    """Return what a drive is the sum of. Raises InputError unless that is constant or sines."""
+    """Return the terms of a drive. Raises InputError unless they are constants or sines."""
     parts = drive.drives if isinstance(drive, Total) else (drive,)
-    known = [part for part in parts if isinstance(part, Constant | Sine)]
-    if len(known) < len(parts):
+    terms = [part for part in parts if isinstance(part, Constant | Sine)]
+    if len(terms) < len(parts):
         raise InputError(
             f"{scene.name}: a stroboscopic map needs constant rates and sines, not a ramp, samples "
             "or a function"
         )
-    return known
+    return terms
 
 
 def strobed(
     scene: Scene, attitudes: Array, momenta: Array, count: int, rtol: float = LONG_RUN_TOLERANCE
 ) -> tuple[Array, Array]:
-    """Return the attitudes (n, m, 4) and momenta (n, m, 3) once a period, after each of n starts.
+    """Return attitudes (n, m, 4) and momenta (n, m, 3) after each of m = `count` periods.
 
-    The points of the section phase = 0. attitudes (n, 4), of the principal axes, and momenta
-    (n, 3), world; rtol: the error of a step. Raises InputError where the scene is not periodic, the
-    ball lifts off, or the steps are used up.
+    These are the points of the section phase = 0. attitudes (n, 4): of the principal axes; momenta
+    (n, 3): world; rtol: error of a step. Raises InputError if the scene is not periodic, the ball
+    lifts off or the step limit is reached.
     """
     times: Array = np.linspace(0.0, count * period_of(scene), count + 1)
-    found = []
+    samples = []
     for q, M in zip(attitudes, momenta, strict=True):
         motion = integrate(replace(scene, start=own_start(scene, q, M)), times, rtol)
-        found.append((motion.attitude[1:], motion.momentum[1:]))
-    ends, M = (np.array(each) for each in zip(*found, strict=True))
+        samples.append((motion.attitude[1:], motion.momentum[1:]))
+    ends, M = (np.array(values) for values in zip(*samples, strict=True))
     return multiply(ends, scene.principal_quaternion), M
 
 
 def stroboscopic_map(
     scene: Scene, attitudes: Array, momenta: Array, rtol: float = LEAST_RTOL
 ) -> tuple[Array, Array]:
-    """Return attitudes (n, 4) and momenta (n, 3) a period later, a `Flow` of a scene."""
+    """Return attitudes (n, 4) and momenta (n, 3) one period later; a `cycles.Flow`."""
     ends, M = strobed(scene, attitudes, momenta, 1, rtol)
     return ends[:, 0], M[:, 0]
 
 
 def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
-    """Return a start in the frame's own axes, given in principal axes, which the equations have."""
+    """Return a scene's start from an attitude (4,) of the principal axes and M (3,), world."""
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
 def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
-    """Find where a motion of `scene` crosses g = `g` [rad].
+    """Find the crossings of g = `g` [rad] in a sampled motion of `scene`.
 
-    Between samples by cubics through values and rates, as γ and M are constant in space. Their
-    error is h⁴/384 of the fourth derivative for samples h apart: 3e-9 s for the catalog's balls
-    sampled every 5 ms. Raises InputError where M = 0.
+    γ and M are interpolated with cubic polynomials. The error is h⁴/384 times the fourth derivative
+    for a sample interval h: 3e-9 s for the catalog's balls sampled every 5 ms. Raises InputError if
+    M = 0.
     """
     axes, times = rotation_matrix(motion.attitude) @ scene.principal_axes, motion.times
     gamma, M = axes[:, 2], np.einsum("nji,nj->ni", axes, motion.momentum)
@@ -388,21 +388,21 @@ def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossin
     across = np.sqrt(1 - c * c / f)
     node = (gamma - c / f * M) / across
     beta = np.cross(M, node) / np.sqrt(f)
-    # √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃), as in systems.section_function. No angle is needed,
-    # so that nothing jumps by a turn.
+    # √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃), as in systems.section_function: free of angles, so
+    # nothing jumps by 2π.
     ahead, facing = np.sin(g) * node - np.cos(g) * beta, np.cos(g) * node + np.sin(g) * beta
     value, rate = ahead[:, 2], np.cross(ahead, omega)[:, 2]
     at = CubicHermiteSpline(times, value, rate)
-    found = at.roots(extrapolate=False)
-    # A start on the section is no crossing; its own root may come out a little later.
+    roots = at.roots(extrapolate=False)
+    # A start on the section does not count, but rounding may move its root to a little later.
     if abs(value[0]) < _ON_SECTION:
-        found = found[found > times[1]]
+        roots = roots[roots > times[1]]
     crossed = Crossings(
-        times=found,
-        gamma=CubicHermiteSpline(times, gamma, np.cross(gamma, omega))(found),
-        momenta=CubicHermiteSpline(times, M, np.cross(M, omega))(found),
-        directions=np.sign(at(found, 1)).astype(int),
+        times=roots,
+        gamma=CubicHermiteSpline(times, gamma, np.cross(gamma, omega))(roots),
+        momenta=CubicHermiteSpline(times, M, np.cross(M, omega))(roots),
+        directions=np.sign(at(roots, 1)).astype(int),
     )
-    # sin(g - g₀) is zero at g₀ + π as well; the cosine's sign decides.
-    faces = CubicHermiteSpline(times, facing[:, 2], np.cross(facing, omega)[:, 2])(found)
+    # sin(g - g₀) vanishes at g₀ + π, too: the sign of the cosine decides.
+    faces = CubicHermiteSpline(times, facing[:, 2], np.cross(facing, omega)[:, 2])(roots)
     return crossed[faces < 0]

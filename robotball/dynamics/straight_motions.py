@@ -1,7 +1,7 @@
-"""Straight-line motions, section 5.1: ω = 0, so that γ and M stay and the ball rolls straight on.
+"""Straight-line motions, section 5.1: ω = 0, so γ and M are constant and the ball rolls straight.
 
-Rubber: (Ω, γ) = 0 by (2.2), and then M = γ×K: one for every γ across Ω, the family Σ¹.
-Classical: every γ, with M = K + d(Ω,γ)γ. The contact point moves at a|γ×Ω|.
+Rubber: (Ω, γ) = 0 by (2.2), and M = γ×K: one motion for each γ orthogonal to Ω, the family Σ¹.
+Classical: any γ, with M = K + d(Ω,γ)γ. The contact point moves at a|γ×Ω|.
 """
 
 from dataclasses import dataclass
@@ -15,16 +15,20 @@ from robotball.robot.ball import Value
 from robotball.robot.formulas import Parameters, as_vector
 from robotball.rotations import Array, ComplexArray
 
-_ROUNDING = 1e-9  # relative: a component below it was meant to be zero
+_ROUNDING = 1e-9  # relative: a smaller component counts as zero
 
 
 @dataclass(frozen=True)
 class StraightMotion(Value):
-    """A motion with ω = 0. SI units, frame axes.
+    """A motion with ω = 0, in frame axes.
 
-    gamma (3,), momentum (3,); speed of the contact point, m/s; eigenvalues (3,) of the motion near
-    it with the same M² and (M, γ), 1/s, ordered by their real parts; polynomial (4,): their
-    characteristic polynomial, highest power first.
+    Attributes
+    ----------
+    gamma : (3,)
+    momentum : (3,), kg m²/s
+    speed : of the contact point, m/s
+    eigenvalues : (3,), 1/s, of the linearization at constant M² and (M, γ), by real part
+    polynomial : (4,), their characteristic polynomial, highest power first
     """
 
     gamma: Array
@@ -35,19 +39,19 @@ class StraightMotion(Value):
 
     @property
     def is_stable(self) -> bool:
-        """Whether all eigenvalues have negative real parts."""
+        """True if all eigenvalues have negative real parts."""
         return bool(self.eigenvalues.real.max() < 0)
 
 
 def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
-    """Return the straight-line motion with the vertical γ (3,), of length one.
+    """Return the straight-line motion with the unit vertical γ (3,).
 
-    Raises InputError in the rubber model unless γ is across Ω.
+    Raises InputError in the rubber model unless γ is orthogonal to Ω.
     """
     p, vertical = parameters, as_vector(gamma)
     across = abs(eq.dot(p.Omega, vertical)) <= _ROUNDING * np.linalg.norm(p.Omega)
     if p.rolling == "rubber" and not across:
-        raise InputError("a rubber ball rolls straight on only where (Omega, gamma) = 0, by (2.2)")
+        raise InputError("a rubber ball rolls straight only if (Omega, gamma) = 0, by (2.2)")
     M = p.momentum((0.0, 0.0, 0.0), vertical)
     linear = linear_part(flow_near(p, np.array(vertical), np.array(M)), 3)
     return StraightMotion(
@@ -60,47 +64,45 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
 
 
 def straight_motions(parameters: Parameters, f: float, c: float = 0.0) -> list[StraightMotion]:
-    """Return all straight motions with M² = f [(kg m²/s)²] and (M, γ) = c [kg m²/s]: at most four.
+    """Return all straight motions with M² = f [(kg m²/s)²] and (M, γ) = c [kg m²/s], at most four.
 
-    Raises InputError where Ω = 0.
+    Raises InputError if Ω = 0.
     """
     return [straight_motion(parameters, gamma) for gamma in straight_verticals(parameters, f, c)]
 
 
 def straight_verticals(parameters: Parameters, f: float, c: float = 0.0) -> list[Array]:
-    """Return γ (3,) of all straight motions with M² = f and (M, γ) = c, as of `straight_motions`.
+    """Return γ (3,) of all straight motions with M² = f and (M, γ) = c.
 
-    At the ends of the range of f they coincide in pairs. In the rubber model, where c is 0, they
-    are on the two planes (Ω, γ) = 0, (K, γ) = ±√(K² - f); in the classical one on the two planes
-    d(Ω, γ) = c ± √(c² + K² - f), (K, γ) = c - d(Ω, γ).
-
-    None where K is along Ω, for there they fill curves. Raises InputError where Ω = 0.
+    Rubber (c = 0): on the two planes (Ω, γ) = 0, (K, γ) = ±√(K² - f). Classical: on the two planes
+    d(Ω, γ) = c ± √(c² + K² - f), (K, γ) = c - d(Ω, γ). At the ends of the range of f they merge in
+    pairs. Empty if K is along Ω: then they fill curves. Raises InputError if Ω = 0.
     """
     Omega, K, d = np.array(parameters.Omega), np.array(parameters.K), parameters.d
     if not Omega.any():
         raise InputError(
-            "with Omega = 0 the ball rolls straight on nowhere: it rests, with M = K; make Omega "
-            "other than zero"
+            "with Omega = 0 the ball rests, with M = K, instead of rolling straight; make Omega "
+            "nonzero"
         )
     normal = np.cross(Omega, K)
     size = np.linalg.norm(normal)
     square = c * c + float(K @ K) - f
     if square < 0 or size <= _ROUNDING * np.linalg.norm(Omega) * np.linalg.norm(K):
         return []
-    found: list[Array] = []
+    verticals: list[Array] = []
     for root in (np.sqrt(square), -np.sqrt(square)):
         levels = (0.0, root) if parameters.rolling == "rubber" else ((c + root) / d, -root)
         foot = np.linalg.lstsq(np.stack([Omega, K]), np.array(levels), rcond=None)[0]
         if (off := 1 - foot @ foot) >= 0:
-            found += [foot + sign * np.sqrt(off) / size * normal for sign in (1, -1)]
-    return found
+            verticals += [foot + sign * np.sqrt(off) / size * normal for sign in (1, -1)]
+    return verticals
 
 
 def name_of_line(parameters: Parameters, gamma: Array) -> str:
-    """Return the name in Proposition 3 of a rubber ball's straight motion with the vertical γ (3,).
+    """Return the name in Proposition 3 of a rubber ball's straight motion with vertical γ (3,).
 
-    σ₊, σ₋, δ₊ or δ₋: by (5.3) γ = c₁K + c₂K×Ω, σ has c₂ > 0, and the index is the sign of c₁.
-    Nothing for a classical ball, and unless K is across Ω and neither is zero.
+    σ₊, σ₋, δ₊ or δ₋: by (5.3) γ = c₁K + c₂K×Ω; σ has c₂ > 0, and the index is the sign of c₁. The
+    name is "" for a classical ball, and unless K and Ω are nonzero and orthogonal.
     """
     Omega, K = np.array(parameters.Omega), np.array(parameters.K)
     size = np.linalg.norm(K) * np.linalg.norm(Omega)
@@ -112,8 +114,8 @@ def name_of_line(parameters: Parameters, gamma: Array) -> str:
 def stability_limit(parameters: Parameters) -> float | None:
     """Return the f [(kg m²/s)²] below which two of four rubber motions are stable, or 0.
 
-    For Ω along a principal axis l and K across it, Fig. 9: with j, k, l in cyclic order,
-    p = (K, γ), m = M_l and N = (Aγ,γ) their polynomial λ³ + c₂λ² + c₁λ + c₀ has
+    For Ω along a principal axis l and K orthogonal to it, Fig. 9: with j, k, l in cyclic order,
+    p = (K, γ), m = M_l and N = (Aγ,γ) the characteristic polynomial λ³ + c₂λ² + c₁λ + c₀ has
 
         c₂ = Ω_l(a_j - a_k)γ_jγ_k/N,  c₁ = a_ja_ka_l p²/N,  c₀ = -Ω_l a_ja_ka_l pm/N,
         c₂c₁ - c₀ = Ω_l a_ja_ka_l p(a_jK_kγ_j - a_kK_jγ_k)/N².
@@ -122,8 +124,8 @@ def stability_limit(parameters: Parameters) -> float | None:
 
         Ω_l p m < 0,  Ω_l(a_j - a_k)K_jK_k > 0,  f < (a_j - a_k)²K_j²K_k²/(a_k²K_j² + a_j²K_k²).
 
-    The size of Ω has dropped out; with K_l other than zero it would not. None for a classical
-    ball and unless Ω is along an axis and K across it, where there is no such formula.
+    The magnitude of Ω cancels because K_l = 0. Returns None if the formula does not apply: for a
+    classical ball, and unless Ω is along an axis and K orthogonal to it.
     """
     Omega, across = np.abs(parameters.Omega), np.abs(parameters.K)
     axes = np.flatnonzero(Omega > _ROUNDING * Omega.max())
@@ -131,7 +133,7 @@ def stability_limit(parameters: Parameters) -> float | None:
         return None
     if across[axes[0]] > _ROUNDING * across.max():
         return None
-    l = int(axes[0])  # j, k, l in cyclic order, as the formulas have them
+    l = int(axes[0])
     j, k = (l + 1) % 3, (l + 2) % 3
     A, K = parameters.A, parameters.K
     product = (A[j] - A[k]) * K[j] * K[k]

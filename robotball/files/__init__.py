@@ -1,7 +1,7 @@
-"""Scenes, bodies and motions as files; how a user's file is opened.
+"""Read and write scenes, bodies and motions; open the user's files safely.
 
-`contents` and `opened` read regular files alone, up to a limit, and `readable` turns a reader's
-errors into an InputError. `replacing` has how files are written, and the others know the formats.
+`contents` and `opened` read only regular files, up to a size limit; `readable` turns a reader's
+errors into an InputError. `replacing` writes files; the other modules implement the formats.
 """
 
 import errno
@@ -15,22 +15,17 @@ from typing import BinaryIO
 
 from robotball.errors import InputError
 
-# Bytes of a scene, a robot or a record; those of the catalog have 1.4 kB at most.
-_MOST_CHARACTERS = 10_000_000
-MB = 1e6
-# What readers raise for bytes that are damaged, nested too deeply or of another format. Errors of
-# a reader's own are known by the names of their modules, as not all of these are loaded.
-_UNREADABLE = (
-    ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError, TypeError,
-    ValueError,
-)  # fmt: skip
+MB = 1e6  # bytes
+_MAX_BYTES = 10_000_000  # of a scene, robot or record file; catalog scenes have at most 1.4 kB
+MODEL_FILES = (".xml", ".mjcf", ".urdf")
+# Exceptions that readers raise for damaged, too deeply nested or foreign bytes. Readers' own error
+# classes are recognized by module name, because not all of these modules are loaded.
+_DAMAGED = (ArithmeticError, EOFError, LookupError, MemoryError)
+_UNREADABLE = (*_DAMAGED, OSError, RuntimeError, TypeError, ValueError)
 _READERS = ("_lzma", "msgspec", "pyarrow.lib", "tokenize", "zipfile", "zlib")
 
 
-MODEL_FILES = (".xml", ".mjcf", ".urdf")
-
-
-def contents(path: Path, longest: int = _MOST_CHARACTERS) -> bytes:
+def contents(path: Path, longest: int = _MAX_BYTES) -> bytes:
     """Return the bytes of a regular file, without a byte order mark.
 
     Raises InputError as `opened` does.
@@ -40,8 +35,8 @@ def contents(path: Path, longest: int = _MOST_CHARACTERS) -> bytes:
 
 
 @contextmanager
-def readable(what: str) -> Iterator[None]:
-    """Raise InputError, which begins with `what`, for what a reader in the block raises."""
+def readable(prefix: str) -> Iterator[None]:
+    """Turn a reader's exceptions in the block into an InputError that starts with `prefix`."""
     try:
         yield
     except InputError:
@@ -49,34 +44,33 @@ def readable(what: str) -> Iterator[None]:
     except Exception as error:
         if not (isinstance(error, _UNREADABLE) or type(error).__module__ in _READERS):
             raise
-        raise InputError(f"{what}: {error}") from None
+        raise InputError(f"{prefix}: {error}") from None
 
 
-def as_path(what: str, path: object) -> Path:
-    """Return a path that a user gave. Raises InputError unless it is a str or a Path."""
+def as_path(name: str, path: object) -> Path:
+    """Return the user's path as a Path. Raises InputError unless it is a str or path-like."""
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"{what} must be a path or a name, not {path!r}")
+        raise InputError(f"{name} must be a path or a name, not {path!r}")
     return Path(path)
 
 
 @contextmanager
-def opened(path: Path, longest: int = _MOST_CHARACTERS) -> Iterator[BinaryIO]:
-    """Open a regular file of at most `longest` bytes for reading, links followed.
+def opened(path: Path, longest: int = _MAX_BYTES) -> Iterator[BinaryIO]:
+    """Open a regular file of at most `longest` bytes for reading; links are followed.
 
-    Raises InputError, with the path, for a file that cannot be read or is longer, and for a device
-    or a pipe.
+    Raises InputError, naming the path, for a file that is longer or unreadable, a device or a pipe.
     """
     try:
-        found = path.stat()
-        # /dev/zero has no end, and a pipe keeps its reader waiting until somebody writes. A folder
-        # is left to `open`, whose message says what it is.
-        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
-            raise OSError(errno.EINVAL, "it is no regular file; copy what it gives into one")
-        if found.st_size > longest:
-            size, limit = found.st_size / MB, longest / MB
-            raise OSError(errno.EFBIG, f"it has {size:.4g} MB, and may have {limit:g}; shorten it")
+        status = path.stat()
+        # /dev/zero never ends, and a pipe blocks until somebody writes. For a folder, `open` itself
+        # raises a clear error.
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            raise OSError(errno.EINVAL, "not a regular file; copy its contents into one")
+        if status.st_size > longest:
+            size, limit = status.st_size / MB, longest / MB
+            raise OSError(errno.EFBIG, f"{size:.4g} MB, above the limit of {limit:g}; shorten it")
         file = path.open("rb")
-    except (OSError, ValueError) as error:  # of a null byte in the name, the latter
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     with file:
         yield file

@@ -1,7 +1,7 @@
 """Write any result as strict JSON, also inside a web page.
 
-A result is written after the work, so writing never fails: a value that JSON does not have becomes
-null, a list, an object or its text.
+Results are written after long computations, so writing never fails: a value without a JSON
+equivalent becomes null, a list, an object or its text.
 """
 
 import json
@@ -15,27 +15,27 @@ from typing import Any
 import msgspec
 import numpy as np
 
-_DEEPEST = 100  # levels of lists and objects; readers may refuse more
-_LARGEST = 1024  # bits of an integer; a float overflows beyond it
+_MAX_DEPTH = 100  # nested lists and objects; JSON readers may refuse more
+_MAX_BITS = 1024  # of an integer; more would overflow a float
 
 
 def json_text(value: object, indent: int | None = None) -> str:
     """Return a value as JSON text, on one line if `indent` is None.
 
-    A number that is NaN, infinite or too large for a float becomes null, a member of an enumeration
-    its value, a dataclass or msgspec struct an object, an array or other collection a list. All
-    other values become their text.
+    NaN, infinities and integers beyond the range of a float become null, enumeration members their
+    value, dataclasses and msgspec structs objects, arrays and other collections lists, and any
+    other value its text.
     """
     return json.dumps(_plain(value), indent=indent, ensure_ascii=False)
 
 
 def embedded_json(value: object) -> str:
-    """Return JSON that ends no script of a page: `<` is written as an escape sequence."""
+    """Return JSON that cannot end a script element of a page: `<` is escaped."""
     return json_text(value).replace("<", "\\u003c")
 
 
 def _plain(value: Any, above: tuple[int, ...] = ()) -> Any:
-    """Return a value as the types that JSON has; above: the ids of what contains it."""
+    """Return a value as JSON types; above: ids of the containers around it."""
     try:
         match value:
             case None | bool():
@@ -45,10 +45,10 @@ def _plain(value: Any, above: tuple[int, ...] = ()) -> Any:
             case str():
                 return _text(value)
             case Integral():
-                return int(value) if int(value).bit_length() <= _LARGEST else None
+                return int(value) if int(value).bit_length() <= _MAX_BITS else None
             case Real():
                 return float(value) if math.isfinite(value) else None
-            case _ if id(value) in above or len(above) >= _DEEPEST or isinstance(value, bytes):
+            case _ if id(value) in above or len(above) >= _MAX_DEPTH or isinstance(value, bytes):
                 return _text(value)
             case np.ndarray() | np.generic():
                 inside = value.tolist()
@@ -56,15 +56,15 @@ def _plain(value: Any, above: tuple[int, ...] = ()) -> Any:
             case Mapping():
                 items = [*value.items()]
             case _ if is_dataclass(value) and not isinstance(value, type):
-                items = [(each.name, getattr(value, each.name)) for each in fields(value)]
+                items = [(field.name, getattr(value, field.name)) for field in fields(value)]
             case msgspec.Struct():
                 items = [(name, getattr(value, name)) for name in value.__struct_fields__]
             case Collection():
-                return [_plain(each, (*above, id(value))) for each in value]
+                return [_plain(item, (*above, id(value))) for item in value]
             case _:
                 return _text(value)
-        return {_key(key): _plain(each, (*above, id(value))) for key, each in items}
-    except Exception:  # of an object's own methods; the other results must not be lost
+        return {_key(key): _plain(item, (*above, id(value))) for key, item in items}
+    except Exception:  # raised by a method of the object; the other results must not be lost
         return _text(value)
 
 
@@ -73,7 +73,7 @@ def _key(key: object) -> str:
 
 
 def _text(value: object) -> str:
-    """Return a value's text, in which half a character is `?`."""
+    """Return a value's text, with unpaired surrogates replaced by `?`."""
     try:
         return str(value).encode(errors="replace").decode()
     except Exception:

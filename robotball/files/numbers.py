@@ -1,4 +1,4 @@
-"""The numbers of a file that holds a scene, by their paths, whatever the file's kind."""
+"""Interface to the numbers of a scene or robot file, addressed by path, for any file format."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,10 @@ from robotball.robot.scene import Scene
 
 
 class Number(NamedTuple):
-    """A number of a file, its unit, "" where that depends on others, and where it stands."""
+    """A number of a file.
+
+    unit: "" if it depends on other numbers; place: location in the file, in a format-specific form.
+    """
 
     value: float
     unit: str
@@ -17,9 +20,9 @@ class Number(NamedTuple):
 
 
 class Numbers(ABC):
-    """The numbers of a file by their paths, and the scene and the file's text with others.
+    """The numbers of a file by path. They can be replaced to get another scene or another file.
 
-    suffix: of the file's name.
+    suffix: suffix of the file's name.
     """
 
     suffix: str
@@ -27,43 +30,43 @@ class Numbers(ABC):
     @property
     @abstractmethod
     def known(self) -> Mapping[str, Number]:
-        """Each number, by its path."""
+        """Each number, keyed by path."""
 
     @abstractmethod
     def scene(self, values: Mapping[str, float]) -> Scene:
-        """Return the scene with other numbers at some paths. Raises InputError where none is."""
+        """Return the scene with some numbers replaced. Raises InputError if it is invalid."""
 
     @abstractmethod
     def text(self, values: Mapping[str, float], start: Scene) -> str:
-        """Return the text of a file with other numbers, that starts as a scene does."""
+        """Return the file's text with some numbers replaced and the initial state of `start`."""
 
     def with_whole(self, names: Sequence[str]) -> "Numbers":
-        """Return the numbers with mass, centre and inertia of some bodies in place of their parts.
+        """Return the numbers with mass, centre and inertia of some bodies instead of their parts.
 
-        Raises InputError where a file of its kind has no such bodies.
+        Raises InputError for file formats that do not support this.
         """
         if names:
             raise InputError(
-                f"{names[0]}.inertia: scene files alone have bodies that are sought as a whole; "
-                "give numbers of the body"
+                f"{names[0]}.inertia: only scene files can free the inertia of a body as a whole; "
+                "name single numbers of the body"
             )
         return self
 
     def path_of(self, name: str) -> str:
-        """Return the one path that a name stands for: its last words are enough.
+        """Return the path that a name, such as its last parts, stands for.
 
-        Raises InputError for a name that stands for none, with near ones, or for several.
+        Raises InputError, listing candidates, if no path or several paths match.
         """
-        words = name.split(".")
-        found = [path for path in self.known if _follows(words, path.split("."))]
-        if name in found or len(found) == 1:
-            return name if name in found else found[0]
-        if found:
-            raise InputError(f"{name!r} may be {', '.join(found)}; give more of its path")
+        parts = name.split(".")
+        matches = [path for path in self.known if _follows(parts, path.split("."))]
+        if name in matches or len(matches) == 1:
+            return name if name in matches else matches[0]
+        if matches:
+            raise InputError(f"{name!r} is ambiguous: {', '.join(matches)}; give more of the path")
         raise unknown("number of the scene", name, self.known)
 
 
-def _follows(words: list[str], path: list[str]) -> bool:
-    """Return whether words are a path's, in its order, and the last is its last."""
+def _follows(parts: list[str], path: list[str]) -> bool:
+    """Return whether `parts` is an ordered subset of `path` that ends with its last word."""
     rest = iter(path)
-    return words[-1] == path[-1] and all(word in rest for word in words)
+    return parts[-1] == path[-1] and all(word in rest for word in parts)

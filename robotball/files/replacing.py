@@ -1,7 +1,7 @@
-"""Files that are written whole or not at all.
+"""Write files completely or not at all.
 
-`replacing` writes beside the final name and renames at the end, so that nobody ever finds half a
-file.
+`replacing` writes to a temporary file beside the target and renames it at the end, so nobody ever
+finds half a file.
 """
 
 import contextlib
@@ -18,15 +18,15 @@ from pathlib import Path
 from robotball.errors import InputError
 
 STANDARD_OUTPUT = Path("-")
+_UNFINISHED: set[Path] = set()  # temporary files of this process, for `remove_unfinished`
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path, whose file takes the place of `path` when the block ends well.
+    """Yield a temporary path. Its file replaces `path` when the block ends without an error.
 
-    The folder is made if need be. A link is followed: the file that it names is replaced. A device
-    or a pipe is not replaced but written into, and so is standard output, as `-`. Raises InputError
-    where nothing can be written.
+    Missing folders are created, and links are followed. A device, a pipe and standard output (`-`)
+    are written to instead of replaced. Raises InputError if `path` cannot be written.
     """
     with refused(path):
         if no_regular_file(path):
@@ -38,17 +38,13 @@ def replacing(path: Path) -> Iterator[Path]:
             return
         target = followed(path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        # The name is cut, so that one of the greatest length that is allowed stays so. It has
-        # random digits and no process number: machines that share the folder may have equal ones.
+        # The stem and suffix are cut so that the longest allowed name stays allowed. Random digits
+        # instead of the process number, which may be the same on machines that share the folder.
         unique = os.urandom(8).hex()
         temporary = target.with_name(f".{path.stem[:20]}.{unique}{path.suffix[:20]}")
         with _unfinished(temporary):
             yield temporary
             temporary.replace(target)
-
-
-# The temporary files of this process that `remove_unfinished` has to find.
-_UNFINISHED: set[Path] = set()
 
 
 @contextmanager
@@ -62,14 +58,14 @@ def _unfinished(temporary: Path) -> Iterator[None]:
 
 
 def remove_unfinished() -> None:
-    """Delete all temporary files, for a process that ends without unwinding its stack."""
+    """Delete all temporary files; called by a process that ends without unwinding its stack."""
     for temporary in list(_UNFINISHED):
         temporary.unlink(missing_ok=True)
 
 
 @contextmanager
 def refused(path: Path) -> Iterator[None]:
-    """Turn an OSError of writing into an InputError with the path."""
+    """Turn an OSError from writing into an InputError with the path."""
     try:
         yield
     except OSError as error:
@@ -77,16 +73,15 @@ def refused(path: Path) -> Iterator[None]:
 
 
 def followed(path: Path) -> Path:
-    """Return the file that `path` names, links followed.
+    """Return the file that `path` refers to, following links.
 
-    Raises OSError where links run in a circle, and for a name that no file can have.
+    Raises OSError if links form a cycle or the name is not a possible file name.
     """
     try:
         target = path.resolve()
     except RuntimeError:  # until Python 3.12
         target = path
-    # The system is asked, because since Python 3.14 Path.is_symlink answers False to a name that is
-    # too long, as if nothing were there.
+    # Not Path.is_symlink, which returns False for too long a name since Python 3.14.
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
         if stat.S_ISLNK(os.lstat(target).st_mode):
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
@@ -94,21 +89,21 @@ def followed(path: Path) -> Path:
 
 
 def is_own(folder: Path) -> bool:
-    """Return whether this user owns a folder, and the link to it, and no other may write there."""
-    there = folder.stat()
+    """Return whether only this user, its owner, can write to a folder, and owns any link to it."""
+    status = folder.stat()
     return (
-        folder.lstat().st_uid == there.st_uid == os.getuid()
-        and not there.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        folder.lstat().st_uid == status.st_uid == os.getuid()
+        and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
         and os.access(folder, os.W_OK | os.X_OK)
     )
 
 
 def foreign_in(folder: Path) -> Path | None:
-    """Return the first folder or file that others may change, in one whose code is run, or None.
+    """Return the first entry of a folder of executed code that others could change, or None.
 
-    Everything in the folder must belong to this user, and not be writable by others. The group may
-    write there unless it can enter the folder. What a link names may belong to the system. Hidden
-    files are not looked at: they are locks and notes of the programs that made the folder.
+    Every entry must belong to this user and not be writable by others, nor by the group if the
+    group can enter the folder. A link may point to a file of root. Hidden files are skipped: they
+    are locks and caches of the programs that made the folder.
     """
     if not is_own(folder):
         return folder
@@ -118,23 +113,23 @@ def foreign_in(folder: Path) -> Path | None:
     while folders:
         with os.scandir(folders.pop()) as entries:
             for entry in entries:
-                found, owners = entry.stat(follow_symlinks=False), [os.getuid()]
-                if stat.S_ISDIR(found.st_mode):
+                status, owners = entry.stat(follow_symlinks=False), [os.getuid()]
+                if stat.S_ISDIR(status.st_mode):
                     folders.append(entry.path)
                 elif entry.name.startswith("."):
                     continue
-                if stat.S_ISLNK(found.st_mode):
+                if stat.S_ISLNK(status.st_mode):
                     try:
-                        found, owners = entry.stat(), [os.getuid(), 0]
-                    except OSError:  # it leads nowhere, and nothing is loaded by it
+                        status, owners = entry.stat(), [os.getuid(), 0]
+                    except OSError:  # a dangling link, from which nothing can be loaded
                         continue
-                if found.st_uid not in owners or found.st_mode & others:
+                if status.st_uid not in owners or status.st_mode & others:
                     return Path(entry.path)
     return None
 
 
 def no_regular_file(path: Path) -> bool:
-    """Return whether `path` is `-`, or names something that is there and no regular file."""
+    """Return whether `path` is `-` or exists and is not a regular file."""
     return path == STANDARD_OUTPUT or (path.exists() and not path.is_file())
 
 
@@ -145,6 +140,6 @@ def _write_into(path: Path, whole: Path) -> None:
                 shutil.copyfileobj(text, file)
         elif sys.__stdout__ is not None:
             sys.__stdout__.flush()
-            # A reader that has seen enough, as head, closes the pipe; that is no error.
+            # A reader such as `head` may close the pipe early; that is not an error.
             with contextlib.suppress(BrokenPipeError), open(1, "wb", closefd=False) as file:
                 shutil.copyfileobj(text, file)

@@ -1,7 +1,7 @@
-"""What logs tell of the numbers that a fit found, and how well its motions explain them.
+"""Uncertainty of fitted numbers, and how well the fitted motions explain the logs.
 
-A number's deviation is that of the linearised residuals, which is held against χ² itself where it
-is large. What the logs cannot tell are the directions in which the unknowns may go far.
+Standard deviations come from the linearised residuals; large ones are checked against χ² itself.
+Undetermined combinations are the directions in which the unknowns can move far.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -17,37 +17,38 @@ from robotball.fit.sensing import circumstances_of, contradictions, stands_still
 from robotball.robot.ball import Value
 from robotball.rotations import Array
 
-NO_EVIDENCE = 1e-3  # per size: a derivative that rounding may have made
-_DOUBT = 1e-3  # a probability below which chance is no explanation
-_UNKNOWN = 0.5  # of an unknown's size: a standard deviation that tells nothing
-_CURVED = 0.02  # of an unknown's size: a deviation within which a model may be far from linear
-_FAR, _RISE = 3.0, 4.0  # deviations, and by how much χ² must rise within them
-_AT_LIMIT = 1e-3  # of an unknown's size, from its limit
-_SHARE = 0.15  # of the largest part in a direction, below which an unknown has no part in it
-_SHOWN = 3.5  # deviations from 0, from which a log shows a circumstance that was not freed
-_EXCLUDED = 2.0  # deviations beyond the best amount, from which a log excludes a larger one
-_SLIGHT = 0.01  # of a plausible amount, below which the readings exclude enough of it
-_WINDOWS = 20  # of a log, in which it is looked for the first that the model does not explain
-# Of n readings, as good as so many that are independent, is their noise known by itself.
-_NOISE_KNOWN_BY = 0.2
+NO_EVIDENCE = 1e-3  # per unknown's size: a smaller derivative may be rounding
+_DOUBT = 1e-3  # probability below which chance is not accepted as an explanation
+_UNKNOWN = 0.5  # of an unknown's size: standard deviation above which it is not determined
+_CURVED = 0.02  # of an unknown's size: deviation above which nonlinearity is checked
+_FAR, _RISE = 3.0, 4.0  # deviations, and the rise of χ² that is required within them
+_AT_LIMIT = 1e-3  # of an unknown's size: distance that counts as being at a limit
+_SHARE = 0.15  # of a direction's largest component: smaller components are ignored
+_SHOWN = 3.5  # deviations from 0 above which the readings show a circumstance
+_EXCLUDED = 2.0  # deviations above the best amount that the readings do not exclude
+_SLIGHT = 0.01  # of a plausible amount: a smaller possible amount is not reported
+_WINDOWS = 20  # parts of a log, among which the first unexplained one is sought
+_NOISE_KNOWN_BY = 0.2  # independent readings per reading, for a noise estimated from the readings
+_STILL = "its readings are constant except for noise: a robot at rest does not constrain its motion"
 
 
 @dataclass(frozen=True)
-class Found:
-    """Hold one number that a fit has found.
+class Estimate:
+    """Hold a number that was fitted.
 
     Attributes
     ----------
     name : str
-        The path of the number in the scene file, or the log's name and what it is of its log.
+        The path of the number in the scene file, or the names of the log and of the circumstance.
     value, deviation : float
         The value and its standard deviation.
     began : float
-        The value from which the fit began.
+        The initial value of the fit.
     unit : str
-        The unit of the three.
+        The unit of these three.
     determined : bool
-        Whether the logs tell it at all.
+        Whether the logs constrain the number.
+        Whether the logs constrain it.
 
     Examples
     --------
@@ -56,8 +57,8 @@ class Found:
     >>> motion = rb.integrate("pendulum_robot", 2.0)
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
-    >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
-    >>> found.found[0].name, found.found[0].determined
+    >>> result = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
+    >>> result.found[0].name, result.found[0].determined
     ('frame.kv', True)
     """
 
@@ -71,24 +72,24 @@ class Found:
 
 @dataclass(frozen=True)
 class SensorFit(Value):
-    """Hold how well a fit explains one sensor of a log.
+    """Report how well a fit explains one sensor of a log.
 
     Attributes
     ----------
     log, name : str
         The names of the log and of the sensor.
     noise : float
-        One standard deviation of a reading, as it was given or as the readings show it.
+        The standard deviation of a reading, as specified or as estimated from the readings.
     residual : float
         The root mean square of the residuals, in the unit of the readings.
     probability : float
-        How probable residuals at least so large are, if the model is right.
-    since : float or None
-        The time from which on the model does not explain the readings [s]. None if it does.
+        The probability of residuals at least as large, if the model is right.
+    since : float or None, s
+        The time from which the model fails to explain the readings. None if it explains them.
     times : (n,), s
         The times of the readings.
     residuals : (n, k)
-        The readings less those of the motion; of an attitude the turns [rad].
+        Readings minus model; rotation vectors for an attitude [rad].
 
     Examples
     --------
@@ -97,8 +98,8 @@ class SensorFit(Value):
     >>> motion = rb.integrate("pendulum_robot", 2.0)
     >>> gyro = rb.Sensor("gyro", motion.times, motion.angular_velocity)
     >>> log = rb.Log("run", (gyro,), {})
-    >>> found = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
-    >>> found.sensors[0].name, found.sensors[0].since
+    >>> result = rb.fit("pendulum_robot", [log], ["frame.kv"], noise={"gyro": 0.02})
+    >>> result.sensors[0].name, result.sensors[0].since
     ('gyro', None)
     """
 
@@ -113,46 +114,40 @@ class SensorFit(Value):
 
 
 def strays(sensors: Sequence[SensorFit]) -> list[SensorFit]:
-    """Return the sensors whose readings the model does not explain, the worst first."""
+    """Return the sensors that the model fails to explain, the worst first."""
     least = _DOUBT / len(sensors)
     return sorted((s for s in sensors if s.probability < least), key=lambda s: s.probability)
 
 
-def found_at(residuals: Residuals, x: Array, J: Array) -> tuple[list[Found], Array, list[str]]:
-    """Return the numbers that a user freed, their covariance in their sizes, and what is not told.
+def estimates_at(
+    residuals: Residuals, x: Array, J: Array
+) -> tuple[list[Estimate], Array, list[str]]:
+    """Return the estimates, their covariance in units of their sizes, and what is undetermined.
 
-    x, J: where the fit ended (p,), and the derivative of the residuals there (n, p).
+    x (p,), J (n, p): the solution and the derivative of the residuals there.
     """
     ended = residuals.ended(residuals.values(x))
     slopes = residuals.slopes(x, ended)
     covariance = _widened(slopes @ _covariance(J) @ slopes.T, slopes, x, residuals, ended)
-    freed = [i for i, each in enumerate(ended) if not each.of_start]
+    freed = [i for i, unknown in enumerate(ended) if not unknown.of_start]
     covariance, unknowns = covariance[np.ix_(freed, freed)], [ended[i] for i in freed]
     names = [e.log.name for e in residuals.logs if stands_still({s.name: s for s in e.log.sensors})]
-    # Of a robot that stands still what seems told is noise times noise, such as a gain times the
-    # rate at which the fit lets the motor start.
+    # At rest any apparent evidence is a product of noise, such as a gain times a fitted start rate.
     still = len(names) == len(residuals.logs)
-    found = [
-        Found(
-            last.full_name, last.value, deviation * last.size, residuals.unknowns[i].value,
-            last.unit, deviation < _UNKNOWN and not (still and last.log is None),
+    estimates = []
+    for i, unknown, deviation in zip(freed, unknowns, np.sqrt(np.diag(covariance)), strict=True):
+        value, began = unknown.value, residuals.unknowns[i].value
+        determined = bool(deviation < _UNKNOWN) and not (still and unknown.log is None)
+        spread = float(deviation) * unknown.size
+        estimates.append(
+            Estimate(unknown.full_name, value, spread, began, unknown.unit, determined)
         )
-        for i, last, deviation in zip(
-            freed, unknowns, np.sqrt(np.diag(covariance)).tolist(), strict=True
-        )
-    ]  # fmt: skip
-    untold = [f"{name}: {_STILL}" for name in names]
-    return found, covariance, [*untold, *_undetermined(covariance, unknowns)]
-
-
-_STILL = (
-    "its sensors read the same all the time, but for noise; a robot that stands still tells "
-    "nothing of its motion"
-)
+    undetermined = [f"{name}: {_STILL}" for name in names]
+    return estimates, covariance, [*undetermined, *_undetermined(covariance, unknowns)]
 
 
 def _covariance(J: Array) -> Array:
-    """Return the covariance (p, p) of unknowns in their sizes, finite where nothing is known."""
+    """Return the covariance (p, p) in units of the sizes, finite even without evidence."""
     _, singular, axes = np.linalg.svd(J, full_matrices=False)
     return np.asarray((axes.T / np.hypot(singular, NO_EVIDENCE) ** 2) @ axes)
 
@@ -160,21 +155,21 @@ def _covariance(J: Array) -> Array:
 def _widened(
     covariance: Array, slopes: Array, x: Array, residuals: Residuals, ended: Sequence[Unknown]
 ) -> Array:
-    """Return the covariance (p, p) with deviations that χ² itself has, by refits of the others.
+    """Return the covariance (p, p) with deviations enlarged until χ² itself confirms them.
 
-    A gain times a starting rate may be found of noise alone, and the gain as exactly as the noise
-    makes the rate large. But without that rate, any gain explains the logs nearly as well, and χ²
-    soon rises no more: a deviation is doubled until three of it, away from 0, where χ² is flatter,
-    raise χ² by 4.
+    A product such as a gain times a start rate may be fitted to pure noise, and then constrain the
+    gain as well as noise makes the rate large. Without that rate any gain explains the logs almost
+    as well, so χ² soon stops rising. A deviation is therefore doubled until three of it raise χ² by
+    4, in the direction away from 0, where χ² is flatter.
 
-    slopes: (p, p), the derivative of the values by x, in the values' sizes.
+    slopes (p, p): derivative of the values by x, in units of the values' sizes.
     """
     scale, squares = np.ones(len(x)), chi2_of(residuals(x))
-    for i, each in enumerate(ended):
+    for i, unknown in enumerate(ended):
         deviation = float(np.sqrt(covariance[i, i]))
-        if each.of_start or deviation < _CURVED:
+        if unknown.of_start or deviation < _CURVED:
             continue
-        far = np.copysign(_FAR, each.value) * np.linalg.solve(slopes, covariance[i]) / deviation
+        far = np.copysign(_FAR, unknown.value) * np.linalg.solve(slopes, covariance[i]) / deviation
         hold = slopes[i] / (NO_EVIDENCE * deviation)
         while scale[i] * deviation < _UNKNOWN and (
             _refitted(x + scale[i] * far, hold, residuals) < squares + _RISE
@@ -183,9 +178,9 @@ def _widened(
     return scale[:, None] * covariance * scale
 
 
-@np.errstate(over="ignore", invalid="ignore")  # a step may lead to where no body is
+@np.errstate(over="ignore", invalid="ignore")  # a step may lead to an impossible body
 def _refitted(x: Array, hold: Array, residuals: Residuals) -> float:
-    """Return χ² after a step to the best x of which hold · x is the same; inf for no motion."""
+    """Return χ² after one step that minimises it at constant hold · x; inf without a motion."""
     left = residuals(x)
     if not np.isfinite(before := chi2_of(left)):
         return before
@@ -195,38 +190,37 @@ def _refitted(x: Array, hold: Array, residuals: Residuals) -> float:
 
 
 def at_limits(residuals: Residuals, x: Array) -> Iterator[str]:
-    """Yield a line for each number of the scene that ended at a limit: none beyond was tried."""
-    for each in residuals.ended(residuals.values(x)):
-        for limit in (each.low, each.high):
-            if each.log is None and abs(each.value - limit) < _AT_LIMIT * each.size:
-                shown = limit if abs(limit) > _AT_LIMIT * each.size else 0.0
-                what = f"ended at its limit of {shown:.3g}: the logs would have it beyond"
-                yield f"{each.name} {what}"
+    """Yield a line for each number of the scene that ended at one of its limits."""
+    for unknown in residuals.ended(residuals.values(x)):
+        for limit in (unknown.low, unknown.high):
+            if unknown.log is None and abs(unknown.value - limit) < _AT_LIMIT * unknown.size:
+                shown = limit if abs(limit) > _AT_LIMIT * unknown.size else 0.0
+                yield f"{unknown.name} ended at its limit {shown:.3g}: a value beyond fits better"
 
 
 def influences(
     residuals: Residuals,
     x: Array,
     J: Array,
-    found: Sequence[Found],
+    estimates: Sequence[Estimate],
     probability: Callable[[float], float],
 ) -> Iterator[str]:
-    """Yield a line for each circumstance that was not freed and may have moved a number.
+    """Yield a line for each circumstance that was not freed and may have biased an estimate.
 
-    Each is added alone to the linearised fit, which gives its amount, the deviation of that, and
-    how far it moves the numbers. A line is due if an amount that is plausible, and that the
-    readings do not exclude, moves a number by more than its deviation. If the fit does not explain
-    the logs, a line is due only for a circumstance with which it would.
+    Each circumstance is added separately to the linearised fit. This gives its amount with a
+    deviation, and the change of each estimate. It is reported if a plausible amount that the
+    readings do not exclude changes an estimate by more than its deviation. If the fit does not
+    explain the logs, only circumstances that would make it do so are reported.
 
-    x, J: as of `found_at`; found: the numbers of the scene; probability: that of χ².
+    x, J: as in `estimates_at`; estimates: of the scene's numbers; probability: of a value of χ².
     """
     names, plausible, others = zip(*_not_freed(residuals), strict=True)
     columns, left = residuals.of_others(x, others), residuals(x)
     ended = residuals.ended(residuals.values(x))
     slope = np.concatenate([J, NO_EVIDENCE * np.eye(len(x))])
     steps = -np.linalg.lstsq(slope, np.concatenate([columns, np.zeros((len(x), len(others)))]))[0]
-    sizes = np.array([[each.size] for each in ended])
-    moved = (sizes * (residuals.slopes(x, ended) @ steps))[: len(found)]  # per size of the others
+    sizes = np.array([[unknown.size] for unknown in ended])
+    moved = (sizes * (residuals.slopes(x, ended) @ steps))[: len(estimates)]  # per size
     explained, squares = probability(chi2_of(left)) > _DOUBT, chi2_of(left)
     worst: dict[str, tuple[float, str]] = {}
     for i, column in enumerate((columns + J @ steps).T):
@@ -236,8 +230,8 @@ def influences(
         reach = min(plausible[i] / others[i].size, abs(amount) + _EXCLUDED * deviation)
         change = (amount if shown else reach) * moved[:, i]
         ratios = [
-            abs(by) / each.deviation if each.determined else 0.0
-            for by, each in zip(change.tolist(), found, strict=True)
+            abs(by) / estimate.deviation if estimate.determined else 0.0
+            for by, estimate in zip(change.tolist(), estimates, strict=True)
         ]
         j = int(np.argmax(ratios))
         slight = not shown and reach < _SLIGHT * plausible[i] / others[i].size
@@ -246,15 +240,18 @@ def influences(
             continue
         factor, unit = (100.0, "%") if others[i].unit == "1" else (1.0, others[i].unit)
         factor *= others[i].size
-        what = (
-            f"seems to be {factor * amount:.2g} ± {factor * deviation:.2g} {unit}, not 0, with "
-            f"which {found[j].name} is {found[j].value + change[j]:.4g}"
-            if shown
-            else f"is taken as 0, but may be {factor * reach:.2g} {unit}, which moves "
-            f"{found[j].name} by {abs(change[j]):.2g}"
-        )
+        if shown:
+            finding = (
+                f"seems to be {factor * amount:.2g} ± {factor * deviation:.2g} {unit}, not 0; this "
+                f"changes {estimates[j].name} to {estimates[j].value + change[j]:.4g}"
+            )
+        else:
+            finding = (
+                f"is assumed 0, but may be {factor * reach:.2g} {unit}, which changes "
+                f"{estimates[j].name} by {abs(change[j]):.2g}"
+            )
         line = (
-            f"{others[i].full_name} {what}, {ratios[j]:.2g} times its ±: "
+            f"{others[i].full_name} {finding}, {ratios[j]:.2g} times its ±: "
             f"{'' if shown else 'measure it, or '}add --also {names[i]}"
         )
         circumstance = others[i].of + names[i]
@@ -263,27 +260,27 @@ def influences(
 
 
 def _not_freed(residuals: Residuals) -> Iterator[tuple[str, float, Unknown]]:
-    """Yield the unknowns of circumstances that were not freed, with name and plausible amount."""
-    values = np.array([each.value for each in residuals.unknowns])
+    """Yield (name, plausible amount, unknown) of all circumstances that were not freed."""
+    values = np.array([unknown.value for unknown in residuals.unknowns])
     for k, fitted in enumerate(residuals.logs):
-        freed, log = residuals.given(k, values), fitted.log
+        freed, log = residuals.log_values(k, values), fitted.log
         alone = f"{log.sensors[0].name}.clock" if len(log.sensors) == 1 else ""
-        for name, known in circumstances_of([each.name for each in log.sensors]).items():
+        circumstances = circumstances_of([sensor.name for sensor in log.sensors])
+        for name, circumstance in circumstances.items():
             of_commands = name == "commands.delay" and not log.commands
             if name in freed or name == alone or of_commands:
                 continue
             for unknown in of_circumstance(fitted.start, log, k, name):
-                yield name, known.plausible, unknown
+                yield name, circumstance.plausible, unknown
 
 
 def _undetermined(covariance: Array, unknowns: Sequence[Unknown]) -> Iterator[str]:
-    """Yield what the logs cannot tell, by the directions in which the unknowns may go."""
     variances, axes = np.linalg.eigh(covariance)
     for direction in _sparse(axes[:, variances > _UNKNOWN**2].T):
         parts = [i for i in range(len(unknowns)) if abs(direction[i]) > _SHARE]
         names = [unknowns[i].full_name for i in parts]
         if len(parts) == 1:
-            yield f"{names[0]} is not determined: half of its size would not show above the noise"
+            yield f"{names[0]} is not determined: a change by half its size would be within noise"
             continue
         ratio = direction[parts[1]] / direction[parts[0]]
         relative = all(unknowns[i].size == abs(unknowns[i].value) for i in parts)
@@ -296,47 +293,45 @@ def _undetermined(covariance: Array, unknowns: Sequence[Unknown]) -> Iterator[st
             f"of {name}"
             for i, name in zip(parts, names, strict=True)
         )
-        yield f"not determined apart: {changes}, together, change nothing that was measured"
+        yield f"not determined separately: {changes}, changed together, leave all readings the same"
 
 
 def _sparse(directions: Array) -> Array:
-    """Return a basis (m, p) of the same space, in which each direction has a part of its own."""
-    own = qr(directions, mode="r", pivoting=True)[1][: len(directions)]
-    return np.asarray(np.linalg.solve(directions[:, own], directions))
+    """Return a basis (m, p) of the same space with one nonzero pivot component per direction."""
+    pivots = qr(directions, mode="r", pivoting=True)[1][: len(directions)]
+    return np.asarray(np.linalg.solve(directions[:, pivots], directions))
 
 
 def chi2_of(left: Array) -> float:
-    """Return χ² of residuals over their noise."""
+    """Return χ² of residuals that are divided by their noise."""
     return float((left**2).sum())
 
 
 def probability_of(chi2: float, degrees: float, count: int, estimated: bool) -> float:
-    """Return how probable a χ² at least as large is; noise that is estimated is uncertain too."""
+    """Return the probability of a χ² at least as large, allowing for estimated noise."""
     if estimated:
         return float(stats.f.sf(chi2 / degrees, degrees, _NOISE_KNOWN_BY * count))
     return float(stats.chi2.sf(chi2, degrees))
 
 
 def sensor_fits(residuals: Residuals, x: Array, fitted: float) -> Iterator[SensorFit]:
-    """Yield how well each sensor is explained; fitted: unknowns per reading."""
+    """Yield how well each sensor is explained; fitted: number of unknowns per reading."""
     for k, sensed in enumerate(residuals.logs):
-        found = residuals.of_log(k, x)
-        assert found is not None  # the fit ended in a motion
+        differences = residuals.of_log(k, x)
+        assert differences is not None  # the fit ended in a motion
         for sensor, noise, estimated, left in zip(
-            sensed.log.sensors, sensed.noise, sensed.estimated, found, strict=True
+            sensed.log.sensors, sensed.noise, sensed.estimated, differences, strict=True
         ):
             degrees = max(left.size * (1 - fitted), 1.0)
             chi2 = chi2_of(residuals.counted(left / noise))
             probability = probability_of(chi2, degrees, left.size, estimated)
-            yield SensorFit(
-                sensed.log.name, sensor.name, noise, float(np.sqrt((left**2).mean())), probability,
-                _since(sensor.times, left / noise) if probability < _DOUBT else None,
-                sensor.times, left,
-            )  # fmt: skip
+            rms = float(np.sqrt((left**2).mean()))
+            since = _since(sensor.times, left / noise) if probability < _DOUBT else None
+            names = sensed.log.name, sensor.name
+            yield SensorFit(*names, noise, rms, probability, since, sensor.times, left)
 
 
 def _since(times: Array, weighed: Array) -> float:
-    """Return the time from which on readings are not explained [s]."""
     for rows in np.array_split(np.arange(len(times)), min(_WINDOWS, len(times))):
         part = weighed[rows]
         if stats.chi2.sf(chi2_of(part), part.size) < _DOUBT / _WINDOWS:
@@ -345,12 +340,12 @@ def _since(times: Array, weighed: Array) -> float:
 
 
 def contradicting(logs: Sequence[Log], astray: Sequence[SensorFit]) -> Iterator[str]:
-    """Yield a line for two sensors of a log of which one strays and that contradict each other."""
-    names = {(each.log, each.name) for each in astray}
+    """Yield a line for each pair of contradictory sensors of a log, at least one of them astray."""
+    names = {(sensor.log, sensor.name) for sensor in astray}
     for log in logs:
-        for pair in contradictions({each.name: each for each in log.sensors}):
+        for pair in contradictions({sensor.name: sensor for sensor in log.sensors}):
             if names & {(log.name, name) for name in pair}:
                 yield (
-                    f"{pair[0]} and {pair[1]} of {log.name} contradict each other, whatever the "
-                    "model: check signs, units and axes, and the quaternion's order"
+                    f"{pair[0]} and {pair[1]} of {log.name} contradict each other with any model: "
+                    "check signs, units, axes and the order of the quaternion"
                 )

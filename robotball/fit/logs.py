@@ -1,8 +1,8 @@
-"""Logs of a robot that was built: what its sensors read, and what its motors were commanded.
+"""Logs of real robots: sensor readings and motor commands.
 
-A log is a table. Any subset of sensors may be in it, each at its own times: a cell that is empty or
-`nan` is no reading. Columns are known by the names and units that `trajectories` knows, those of a
-hinge by the hinge's name: "frame_angle", "frame_rate", "frame_torque", "frame_command".
+A log is a table with any subset of the sensors. Each sensor has its own times: empty or `nan` cells
+are not readings. Column names and units are recognized as in `trajectories`; columns of a hinge
+start with the hinge's name: "frame_angle", "frame_rate", "frame_torque", "frame_command".
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -49,9 +49,9 @@ _UNITS: dict[str, Units] = {
     "torque": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "N·m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
     "current": {"A": 1.0, "mA": 1e-3},
 }
-_COMMANDS: Units = dict.fromkeys(VALUES, 1.0)  # they need no conversion
-_FEWEST = 4  # readings of a sensor; that its noise is known takes more
-_SPARSEST = 30.0  # times √(radius/gravity), from one reading to the next at most
+_COMMANDS: Units = dict.fromkeys(VALUES, 1.0)  # units that need no conversion
+_FEWEST = 4  # readings of a sensor; estimating its noise takes more
+_SPARSEST = 30.0  # largest mean interval of readings, in units of √(radius/gravity)
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Sensor(Value):
     times : (n,), s
         Increasing times.
     values : (n, k)
-        The readings, SI units; of an attitude the unit quaternions (w, x, y, z).
+        The readings, SI units; unit quaternions (w, x, y, z) for an attitude.
 
     Examples
     --------
@@ -83,18 +83,18 @@ class Sensor(Value):
 
 @dataclass(frozen=True)
 class Log(Value):
-    """Hold what a robot's sensors read, and what its motors were commanded.
+    """Hold the readings of a robot's sensors and the commands of its motors.
 
     Attributes
     ----------
     name : str
         The name of the file.
     sensors : tuple of Sensor
-        The sensors that the file has, each at its own times.
+        The sensors in the file, each with its own times.
     commands : mapping of str to (times (n,), values (n,))
-        The commands of motors by their hinges' names, each held until the next.
+        The commands of motors by hinge name, each held until the next.
     notes : tuple of str
-        What was understood on reading, such as units, a line each.
+        One line for each interpretation made while reading, such as of a unit.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Log(Value):
     @property
     def end(self) -> float:
         """The time of the last reading [s]."""
-        return max(float(each.times[-1]) for each in self.sensors)
+        return max(float(sensor.times[-1]) for sensor in self.sensors)
 
 
 def read_log(path: str | Path, scene: Scene | str | Path) -> Log:
@@ -122,10 +122,10 @@ def read_log(path: str | Path, scene: Scene | str | Path) -> Log:
     Parameters
     ----------
     path : str or Path
-        A CSV, NPZ or Parquet file with a column of times and those of any sensors.
+        A CSV, NPZ or Parquet file with a time column and columns of any sensors.
     scene : Scene, str or Path
-        The robot, which names the hinges: a scene, a name of the catalog, or the path of a TOML,
-        MJCF or URDF file.
+        The robot, for the names of its hinges: a scene, a catalog name, or the path of a TOML, MJCF
+        or URDF file.
 
     Returns
     -------
@@ -135,9 +135,9 @@ def read_log(path: str | Path, scene: Scene | str | Path) -> Log:
     Raises
     ------
     InputError
-        If the file has no times or no sensor, a sensor's columns are not all there, a unit is
-        unknown, a number is not finite, times do not increase or are far apart, or a quaternion has
-        not length one. The message names the file. Also if `load_scene` raises it.
+        If the file has no times or sensors, columns of a sensor are missing, a unit is unknown, a
+        number is not finite, times do not increase or are too far apart, or a quaternion is not a
+        unit quaternion. The message names the file. Also if `load_scene` raises it.
 
     Examples
     --------
@@ -159,85 +159,84 @@ def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -
 
 
 def _log_of(table: Table, name: str, scene: Scene) -> Log:
-    known = _columns_of(scene)
-    driven = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
-    driven |= {actuator.name: True for actuator in scene.actuators}
-    units = dict.fromkeys((f"{motor}_{_COMMAND}" for motor in driven), _COMMANDS)
-    for of, needed in known.items():
-        units |= dict.fromkeys(needed, _UNITS[of.rpartition("_")[2]])
+    columns_of = _columns_of(scene)
+    motors = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
+    motors |= {actuator.name: True for actuator in scene.actuators}
+    units = dict.fromkeys((f"{motor}_{_COMMAND}" for motor in motors), _COMMANDS)
+    for sensor, needed in columns_of.items():
+        units |= dict.fromkeys(needed, _UNITS[sensor.rpartition("_")[2]])
     columns, _, notes = recognized(table, units)
     if "t" not in columns:
-        raise InputError(f"there is no column of times; there are {', '.join(table.columns)}")
+        raise InputError(f"no column of times; the file has {', '.join(table.columns)}")
     times = columns["t"]
     if not np.isfinite(times).all():
-        raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row; each row needs its time")
+        raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row; every row needs a time")
     check_increasing(times)
-    sensors = tuple(_sensors(columns, times, known))
+    sensors = tuple(_sensors(columns, times, columns_of))
     if not sensors:
-        titles = [",".join(each) for each in _SENSORS.values()]
+        titles = [",".join(columns) for columns in _SENSORS.values()]
         titles += [f"{scene.hinges[0].name}_{kind}" for kind in _OF_HINGES]
         raise InputError(
-            f"no sensor is in it; there are {', '.join(table.columns)}; known are "
-            f"{', '.join(titles)}, and likewise of each hinge"
+            f"no sensor; the file has {', '.join(table.columns)}; known columns are "
+            f"{', '.join(titles)}, and the same for each hinge"
         )
     _check_dense(sensors, scene)
     commands = {}
-    for motor, has_one in driven.items():
+    for motor, has_motor in motors.items():
         column = columns.get(f"{motor}_{_COMMAND}")
         if column is None:
             continue
-        if not has_one:
+        if not has_motor:
             raise InputError(
-                f"{motor}_command: {motor} has no motor and keeps its rate exactly; give it one in "
+                f"{motor}_command: {motor} has no motor, its rate is prescribed; add a motor in "
                 "the scene file"
             )
-        there = np.isfinite(column)
-        if not there.any():
-            raise InputError(f"{motor}_command is empty")
-        commands[motor] = read_only(times[there]), read_only(column[there])
+        finite = np.isfinite(column)
+        if not finite.any():
+            raise InputError(f"{motor}_command has no values: remove the column")
+        commands[motor] = read_only(times[finite]), read_only(column[finite])
     return Log(name, sensors, commands, tuple(notes))
 
 
 def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
-    """Raise InputError where readings are so far apart, or so late, that no motion is followed."""
-    most, end = max(len(each.times) for each in sensors), max(each.times[-1] for each in sensors)
+    most = max(len(sensor.times) for sensor in sensors)
+    end = max(sensor.times[-1] for sensor in sensors)
     falls = float(np.sqrt(scene.ball.radius / scene.gravity)) if scene.gravity else np.inf
     if end / most > _SPARSEST * falls:
         raise InputError(
-            f"{most} readings until t = {end:.6g} s are one in {end / most:.3g} s, and a motion is "
-            f"followed by one in {_SPARSEST * falls:.2g} s at least; check t, which is in s and "
-            "counts from the scene's start"
+            f"{most} readings until t = {end:.6g} s are one per {end / most:.3g} s; at least one "
+            f"per {_SPARSEST * falls:.2g} s is needed; check t, which must be in s and count from "
+            "the scene's start"
         )
 
 
 def _columns_of(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Return the columns of sensors, those on links of a robot's own file and of hinges too."""
     of_links = {
         f"{link.name}_{kind}": tuple(f"{link.name}_{column}" for column in _SENSORS[kind])
         for link in scene.ball.links
         for kind in ("attitude", "gyro")
     }
     of_hinges = (f"{hinge.name}_{kind}" for hinge in scene.hinges for kind in _OF_HINGES)
-    return _SENSORS | of_links | {each: (each,) for each in of_hinges}
+    return _SENSORS | of_links | {sensor: (sensor,) for sensor in of_hinges}
 
 
 def _sensors(
-    columns: Mapping[str, Array], times: Array, known: Mapping[str, tuple[str, ...]]
+    columns: Mapping[str, Array], times: Array, columns_of: Mapping[str, tuple[str, ...]]
 ) -> Iterator[Sensor]:
-    for name, needed in known.items():
+    for name, needed in columns_of.items():
         if name == "position" and "z" not in columns:
             needed = ("x", "y")
         if (values := together(columns, needed)) is None:
             continue
-        read = ~np.isnan(values).any(axis=1)
-        if (worst := np.abs(values[read])).size and not worst.max() <= LARGEST:
-            raise InputError(f"{name} has a reading of {worst.max():g}; check its unit")
-        if read.sum() < _FEWEST:
+        is_reading = ~np.isnan(values).any(axis=1)
+        if (sizes := np.abs(values[is_reading])).size and not sizes.max() <= LARGEST:
+            raise InputError(f"{name} has a reading of {sizes.max():g}; check its unit")
+        if is_reading.sum() < _FEWEST:
             raise InputError(
-                f"{name} has {read.sum()} readings, and needs {_FEWEST} at least; leave its "
-                "columns out"
+                f"{name} has {is_reading.sum()} readings, at least {_FEWEST} are needed: remove "
+                "its columns"
             )
-        at, values = times[read], values[read]
+        at, values = times[is_reading], values[is_reading]
         if name.endswith("attitude"):
             values, _ = to_unit(values, at)
         yield Sensor(name, at, values)

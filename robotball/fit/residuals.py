@@ -1,8 +1,8 @@
-"""What a fit seeks, and how far the readings of logs are from those of its motions.
+"""Unknowns of a fit, and the residuals between logs and simulated motions.
 
-The unknowns are numbers of the scene, shared by all logs, and of each log the start of its motion
-and such circumstances as a gyro's bias. Residuals are readings less those of the motion, over the
-sensor's noise, with derivatives by differences.
+The unknowns are numbers of the scene, shared by the logs, and for each log the initial state of its
+motion and circumstances such as a gyro bias. Residuals are (reading - model)/noise; derivatives
+are finite differences.
 """
 
 import warnings
@@ -25,8 +25,8 @@ from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, turned
 
 Run = Callable[[Scene, Array], Motion]
-FIRST = 5  # readings, whose median begins a fit
-# By scipy's names, what a squared residual counts.
+FIRST = 5  # readings, whose median gives the initial state
+# Losses by scipy's names, as functions of the squared residual.
 LOSSES: Mapping[str, Callable[[Array], Array]] = {
     "linear": lambda z: z,
     "soft_l1": lambda z: 2 * (np.sqrt(1 + z) - 1),
@@ -34,29 +34,32 @@ LOSSES: Mapping[str, Callable[[Array], Array]] = {
     "cauchy": np.log1p,
     "arctan": np.arctan,
 }
-# Of the equations. Measured on five robots over 3 to 10 s: readings err by at most 5e-8 of the
-# largest one; at 1e-9 by 2e-4, as a reading lies between two long steps.
+# Tolerance of the equations. On five robots over 3 to 10 s, readings are off by at most 5e-8 of the
+# largest one; with 1e-9 by 2e-4, because they are interpolated within long steps.
 _RTOL = 1e-11
-_MOST_STEPS = 1_500  # a second: wild trials are soon given up; catalog scenes take under 400
-_DIFFERENCE = 1e-3  # of an unknown's size, by which residuals are differentiated
-# The same, and the tolerance, where the equations move neighbours by the same steps: such motions
-# err alike, and the derivative by 1e-4 of itself.
+_MOST_STEPS = 1_500  # per second; catalog scenes take below 400, and wild trials are given up early
+_DIFFERENCE = 1e-3  # of an unknown's size, for finite differences
+# Difference and tolerance if the equations integrate neighbours with the same steps: their errors
+# are almost equal, and a derivative is off by 1e-4 of itself.
 _SMALL, _ROUGH_RTOL = 1e-6, 1e-7
-_LEAST = 1e-12  # of a positive number, below which it is not sought
-_POSITIVE = ("mass", "density", "radius", "kv", "kp", "torque_limit", "stall_torque", "gravity",
-             "rolling")  # fmt: skip
-WHOLE = ".inertia"  # after a body's name: its mass, its centre and its inertia
+_LEAST = 1e-12  # of its initial value: lower limit of a positive number
+_POSITIVE = {"mass", "density", "radius", "kv", "kp", "gravity", "rolling"}
+_POSITIVE |= {"torque_limit", "stall_torque"}
+WHOLE = ".inertia"  # suffix of a body's name: its mass, centre and inertia as a whole
 _MOMENTS = ("x.x", "x.y", "x.z", "y.y", "y.z", "z.z")
 _UPPER = np.triu_indices(3)
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """A number to be found: what it begins with, its size, and its limits.
+    """A number to be fitted, with its initial value, size and limits.
 
-    log: the number of the log that it belongs to, None where all share it, and of: its name and
-    a colon; moves: whether it changes the motion, and not the readings alone; whole: whether it is
-    one of the ten of a body's inertia, which are sought together.
+    Attributes
+    ----------
+    log : index of its log, or None for a number of the scene
+    moves : whether it affects the motion, not only the readings
+    whole : whether it is one of the ten numbers of a body's inertia, which are fitted together
+    of : prefix with the name of its log
     """
 
     name: str
@@ -72,18 +75,21 @@ class Unknown:
 
     @property
     def full_name(self) -> str:
-        """The name, after that of its log where it belongs to one."""
+        """The name, prefixed with the name of its log."""
         return self.of + self.name
 
     @property
     def of_start(self) -> bool:
-        """Whether it is of a motion's start, which no user frees."""
+        """Whether it belongs to the initial state, which is always fitted."""
         return self.name.startswith("start.")
 
 
 @dataclass(frozen=True)
 class FittedLog:
-    """A log as it is fitted: its sensors' noise, and the start from which its motion is sought."""
+    """A log with its sensors' noise, and a scene with the initial guess of its initial state.
+
+    estimated: for each sensor, whether its noise was estimated from the readings.
+    """
 
     log: Log
     noise: tuple[float, ...]
@@ -92,14 +98,14 @@ class FittedLog:
 
     @property
     def count(self) -> int:
-        """The number of residuals: three of an attitude's four."""
+        """Number of residuals; an attitude has three, not four."""
         return sum(
             s.values[:, 1:].size if s.name.endswith("attitude") else s.values.size
             for s in self.log.sensors
         )
 
     def until(self, part: float) -> "FittedLog":
-        """Return the first part of the log, of some readings at least."""
+        """Return the first part of the log, with at least `FIRST` readings of each sensor."""
         few = min(float(s.times[:FIRST][-1]) for s in self.log.sensors)
         end = max(part * self.log.end, few)
         sensors = tuple(
@@ -110,44 +116,40 @@ class FittedLog:
 
 
 def of_scene(numbers: Numbers, free: Sequence[str], radius: float) -> list[Unknown]:
-    """Return the unknowns of a scene: each a path, a path with limits, or a body's inertia.
+    """Return the unknowns for paths, paths with limits (path=low:high) and bodies' inertias.
 
-    Raises InputError for what is no number of it or is freed twice, and where nothing is free.
+    Raises InputError if `free` is empty, or a name is unknown or repeated.
     """
-    found = [
-        each
-        for text in free
-        for each in (
-            _of_body(numbers, text.removesuffix(WHOLE), radius)
-            if text.endswith(WHOLE)
-            else [_of_path(numbers, text, radius)]
-        )
-    ]
-    if not found:
-        raise InputError("nothing is free: name numbers of the scene, as frame.kv")
-    names = [each.name for each in found]
+    unknowns: list[Unknown] = []
+    for text in free:
+        if text.endswith(WHOLE):
+            unknowns += _of_body(numbers, text.removesuffix(WHOLE), radius)
+        else:
+            unknowns.append(_of_path(numbers, text, radius))
+    if not unknowns:
+        raise InputError("nothing to fit: free numbers of the scene, such as frame.kv")
+    names = [unknown.name for unknown in unknowns]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{name} is freed twice")
-    return found
+    return unknowns
 
 
 def _of_path(numbers: Numbers, text: str, radius: float) -> Unknown:
-    """Return the number at a path, which may have limits, as path=low:high."""
     name, _, limits = text.partition("=")
     path = numbers.path_of(name.strip())
     value, unit, _ = numbers.known[path]
     last = path.rpartition(".")[2]
-    # Not 0 itself, where a motor or a body of a positive number would be none.
+    # Not 0, which would remove the motor or body.
     low, high = _LEAST * value if value >= 0 and last in _POSITIVE else -np.inf, np.inf
     if limits:
         low, high = _limits(text, limits)
         if not low <= value <= high:
-            raise InputError(f"{path} begins at {value:g}, outside {limits}; change the scene")
-        with named(text):  # a fit may end at a limit
+            raise InputError(f"{path} = {value:g} is outside {limits}; change the scene")
+        with named(text):  # a fit may end at its limits, so the scene must be valid there
             for limit in filter(np.isfinite, (low, high)):
                 numbers.scene({path: limit})
-    # A number that is 0 has no size of its own.
+    # A number that is 0 has no natural size.
     size = abs(value) or (0.01 * radius if unit == "m" else 0.01)
     if unit == "m" and last in "xyz":
         size = max(size, 0.1 * radius)
@@ -158,7 +160,7 @@ def _limits(text: str, limits: str) -> tuple[float, float]:
     try:
         low, high = map(float, limits.split(":"))
     except ValueError:
-        raise InputError(f"{text!r}: limits are two numbers, as in frame.kv=0.1:0.8") from None
+        raise InputError(f"{text!r}: limits are two numbers, such as frame.kv=0.1:0.8") from None
     if not low < high:
         raise InputError(f"{text!r}: the first limit must be below the second")
     return low, high
@@ -168,26 +170,26 @@ def _of_body(numbers: Numbers, name: str, radius: float) -> Iterator[Unknown]:
     paths = [f"{name}.mass", *(f"{name}.centre.{axis}" for axis in "xyz")]
     paths += [f"{name}{WHOLE}.{which}" for which in _MOMENTS]
     known = [numbers.known[path] for path in paths]
-    values = np.array([each.value for each in known])
+    values = np.array([number.value for number in known])
     mass, centre, moments = values[0], values[1:4], np.sqrt(values[[4, 7, 9]])
     sizes = [mass, *np.maximum(np.abs(centre), 0.1 * radius), *np.outer(moments, moments)[_UPPER]]
     try:
         _other_inertia(values, np.zeros(len(paths)))
     except np.linalg.LinAlgError:
         raise InputError(
-            f"{name}{WHOLE}: no body of any thickness has the mass and inertia from which the fit "
-            "begins; each moment must be less than the two others together"
+            f"{name}{WHOLE}: the initial mass and inertia are impossible for a solid body: each "
+            "moment must be less than the sum of the two others"
         ) from None
     for path, (value, unit, _), size in zip(paths, known, sizes, strict=True):
         yield Unknown(path, value, float(size), unit, whole=True)
 
 
 def _other_inertia(numbers: Array, x: Array) -> Array:
-    """Return the mass, centre and moments (10,) of another body; that of x = 0 is the same one.
+    """Return the mass, centre and moments (10,) of the body at coordinates x (10,); x = 0 is first.
 
-    The pseudo-inertia, ∫(r, 1)(r, 1)ᵀdm, is positive definite for any body of any thickness, and
-    for no other: it is sought by the logarithms of its Cholesky factor over the first one's (C.
-    Rucker and P. M. Wensing, IEEE Robotics and Automation Letters 7 (2022) 2709).
+    The pseudo-inertia ∫(r, 1)(r, 1)ᵀdm is positive definite iff the body is physical. Coordinates
+    describe its Cholesky factor relative to the initial one, with the logarithm of the diagonal
+    (C. Rucker and P. M. Wensing, IEEE Robotics and Automation Letters 7 (2022) 2709).
     """
     first, factor = np.empty((4, 4)), np.diag(np.exp(x[:4]))
     mass, centre, inertia = numbers[0], numbers[1:4], np.empty((3, 3))
@@ -197,49 +199,48 @@ def _other_inertia(numbers: Array, x: Array) -> Array:
     first[3, 3] = mass
     factor[np.tril_indices(4, -1)] = x[4:]
     factor = np.linalg.cholesky(first) @ factor
-    found = factor @ factor.T
-    mass, centre = found[3, 3], found[3, :3] / found[3, 3]
-    spread = found[:3, :3] - mass * np.outer(centre, centre)
+    pseudo = factor @ factor.T
+    mass, centre = pseudo[3, 3], pseudo[3, :3] / pseudo[3, 3]
+    spread = pseudo[:3, :3] - mass * np.outer(centre, centre)
     return np.array([mass, *centre, *(np.trace(spread) * np.eye(3) - spread)[_UPPER]])
 
 
 def of_log(scene: Scene, log: Log, at: int, freed: Sequence[str]) -> Iterator[Unknown]:
-    """Yield the unknowns of a log: its start, and the circumstances that are freed."""
-    sensors = {each.name: each for each in log.sensors}
-    own = partial(Unknown, log=at, of=f"{log.name}: ")
+    """Yield the unknowns of log number `at`: its initial state and its freed circumstances."""
+    sensors = {sensor.name: sensor for sensor in log.sensors}
+    new = partial(Unknown, log=at, of=f"{log.name}: ")
     for axis in "xyz":
-        yield own(f"start.turn.{axis}", 0.0, 0.1, "rad")
+        yield new(f"start.turn.{axis}", 0.0, 0.1, "rad")
     for axis in "xy" if scene.rolling == "rubber" else "xyz":
-        yield own(f"start.momentum.{axis}", 0.0, 0.1 * scene.momentum_scale, "kg m²/s")
+        yield new(f"start.momentum.{axis}", 0.0, 0.1 * scene.momentum_scale, "kg m²/s")
     for hinge in scene.hinges:
         if hinge.motor is not None:
-            yield own(f"start.{hinge.name}_angle", hinge.angle, 0.1, "rad")
-            yield own(f"start.{hinge.name}_rate", hinge.rate, 0.1, "rad/s")
+            yield new(f"start.{hinge.name}_angle", hinge.angle, 0.1, "rad")
+            yield new(f"start.{hinge.name}_rate", hinge.rate, 0.1, "rad/s")
     if "position" in sensors and "world.origin" not in freed:
         place = np.median(sensors["position"].values[:FIRST, :2], axis=0)
         for axis, value in zip("xy", place.tolist(), strict=True):
-            yield own(f"start.place.{axis}", value, 0.1 * scene.ball.radius, "m", moves=False)
+            yield new(f"start.place.{axis}", value, 0.1 * scene.ball.radius, "m", moves=False)
     for name in dict.fromkeys(freed):
         yield from of_circumstance(scene, log, at, name)
 
 
 def of_circumstance(scene: Scene, log: Log, at: int, name: str) -> Iterator[Unknown]:
-    """Yield the unknowns of a circumstance of a log. Raises InputError for an unknown name."""
+    """Yield the unknowns of a log's circumstance. Raises InputError for an unknown name."""
     radius = scene.ball.radius
     sizes = {"rad": 0.1, "m": 0.1 * radius, "rad/s": 0.1, "m/s²": 0.1, "s": 0.01, "1": 0.1}
-    known = circumstance(name, [each.name for each in log.sensors])
-    for axis in "xyz"[: known.count]:
-        yield Unknown(
-            f"{name}.{axis}" if known.count > 1 else name, 0.0, sizes[known.unit], known.unit,
-            log=at, of=f"{log.name}: ", moves=not is_of_readings(name),
-            low=0.0 if name == "commands.delay" else -np.inf,
-        )  # fmt: skip
+    kind = circumstance(name, [sensor.name for sensor in log.sensors])
+    new = partial(Unknown, log=at, of=f"{log.name}: ", moves=not is_of_readings(name))
+    low = 0.0 if name == "commands.delay" else -np.inf
+    for axis in "xyz"[: kind.count]:
+        title = f"{name}.{axis}" if kind.count > 1 else name
+        yield new(title, 0.0, sizes[kind.unit], kind.unit, low=low)
 
 
 class Residuals:
-    """The residuals of logs as a function of the unknowns, which are given in their sizes.
+    """Residuals of logs as a function of the unknowns x (p,), in units of their sizes.
 
-    fixed: other numbers of the scene that are not those of its file.
+    fixed: further numbers of the scene that differ from its file.
     """
 
     def __init__(
@@ -253,12 +254,12 @@ class Residuals:
     ) -> None:
         self.numbers, self.unknowns, self.logs, self.run = numbers, unknowns, logs, run
         self.loss, self.fixed = loss, fixed
-        self._motion = lru_cache(maxsize=2 * len(logs) + 2)(self._moved)
-        # Most unknowns belong to a log's start: one scene of the shared numbers serves many.
+        self._motion = lru_cache(maxsize=2 * len(logs) + 2)(self._run)
+        # Most unknowns belong to initial states: one scene with the shared numbers serves many.
         self._shared_scene = lru_cache(maxsize=2)(
             lambda shared: numbers.scene({**fixed, **dict(shared)})
         )
-        # A fit that ends asks once more for those of its last step.
+        # After its last step, a fit requests the same derivatives once more.
         self._derivatives = lru_cache(maxsize=len(logs))(self._by_motion)
         self._of = [
             [j for j, u in enumerate(unknowns) if u.log in (None, k)] for k in range(len(logs))
@@ -266,130 +267,132 @@ class Residuals:
         self._moving = [[j for j in of if unknowns[j].moves] for of in self._of]
 
     def values(self, x: Array) -> Array:
-        """Return the unknowns in their units."""
-        found = np.array([u.value + u.size * a for u, a in zip(self.unknowns, x, strict=True)])
+        """Return the unknowns (p,) in their units."""
+        values = np.array([u.value + u.size * a for u, a in zip(self.unknowns, x, strict=True)])
         first = np.array([u.value for u in self.unknowns])
         whole = np.flatnonzero([u.whole for u in self.unknowns]).reshape(-1, 4 + len(_MOMENTS))
         for body in whole:
-            found[body] = _other_inertia(first[body], x[body])
-        return found
+            values[body] = _other_inertia(first[body], x[body])
+        return values
 
     def ended(self, values: Array) -> list[Unknown]:
-        """Return the unknowns with their values and sizes as they are where the fit ends."""
+        """Return the unknowns with updated values, and sizes that match them."""
         return [
             replace(u, value=v, size=max(abs(v), u.size / 2) if u.size == abs(u.value) else u.size)
             for u, v in zip(self.unknowns, values.tolist(), strict=True)
         ]
 
     def slopes(self, x: Array, sized: Sequence[Unknown]) -> Array:
-        """Return the derivative (p, p) of the values, in such sizes."""
+        """Return the derivative (p, p) of the values by x, in units of the sizes of `sized`."""
         steps = _DIFFERENCE * np.eye(len(x))
         columns = [self.values(x + step) - self.values(x - step) for step in steps]
         return np.array(columns).T / (2 * _DIFFERENCE) / [[u.size] for u in sized]
 
     def scene(self, k: int, values: Array) -> Scene:
         """Return the scene of a log. Raises InputError for impossible numbers."""
-        own = {u.name: v for u, v in zip(self.unknowns, values, strict=True) if u.log == k}
-        known = zip(self.unknowns, values.tolist(), strict=True)
-        shared = tuple((u.name, v) for u, v in known if u.log is None)
-        began, log = self.logs[k].start, self.logs[k].log
+        of_log = {u.name: v for u, v in zip(self.unknowns, values, strict=True) if u.log == k}
+        pairs = zip(self.unknowns, values.tolist(), strict=True)
+        shared = tuple((u.name, v) for u, v in pairs if u.log is None)
+        initial, log = self.logs[k].start.start, self.logs[k].log
         scene = self._shared_scene(shared)
-        late = own.get("commands.delay", 0.0)
+        late = of_log.get("commands.delay", 0.0)
         commands = {name: held(t + late, values) for name, (t, values) in log.commands.items()}
-        moved = [hinge.name for hinge in scene.hinges if hinge.motor is not None]
-        hung = {hinge.name for hinge in scene.hinges}
+        motors = [hinge.name for hinge in scene.hinges if hinge.motor is not None]
+        hinges = {hinge.name for hinge in scene.hinges}
         scene = scene.with_hinges(
-            angle={name: own[f"start.{name}_angle"] for name in moved},
-            rate={name: own[f"start.{name}_rate"] for name in moved},
-            command={name: command for name, command in commands.items() if name in hung},
+            angle={name: of_log[f"start.{name}_angle"] for name in motors},
+            rate={name: of_log[f"start.{name}_rate"] for name in motors},
+            command={name: command for name, command in commands.items() if name in hinges},
         )
         if actuators := [
-            replace(each, command=commands.get(each.name, each.command)) for each in scene.actuators
+            replace(actuator, command=commands.get(actuator.name, actuator.command))
+            for actuator in scene.actuators
         ]:
             scene = replace(scene, actuators=tuple(actuators))
-        turn = np.array([own[f"start.turn.{axis}"] for axis in "xyz"])
-        momentum = began.start.momentum.copy()
+        turn = np.array([of_log[f"start.turn.{axis}"] for axis in "xyz"])
+        momentum = initial.momentum.copy()
         for i, axis in enumerate("xyz"):
-            momentum[i] += own.get(f"start.momentum.{axis}", 0.0)
-        return replace(scene, start=Start(turned(began.start.attitude, turn), momentum))
+            momentum[i] += of_log.get(f"start.momentum.{axis}", 0.0)
+        return replace(scene, start=Start(turned(initial.attitude, turn), momentum))
 
-    def given(self, k: int, values: Array) -> dict[str, Array]:
-        """Return the start and the circumstances of a log by their names."""
-        found: dict[str, list[float]] = {}
+    def log_values(self, k: int, values: Array) -> dict[str, Array]:
+        """Return the initial state and the circumstances of a log, keyed by name."""
+        parts: dict[str, list[float]] = {}
         for u, v in zip(self.unknowns, values, strict=True):
             if u.log == k:
                 vector = u.name.count(".") > 1
-                found.setdefault(u.name.rpartition(".")[0] if vector else u.name, []).append(v)
-        return {name: np.array(parts) for name, parts in found.items()}
+                parts.setdefault(u.name.rpartition(".")[0] if vector else u.name, []).append(v)
+        return {name: np.array(components) for name, components in parts.items()}
 
-    def _asked(self, k: int, values: Array) -> tuple[Scene, Array, list[Array]]:
-        """Return a log's scene, the times of its motion, and those at which sensors read it."""
-        given = self.given(k, values)
-        wanted = [times_of(each, given) for each in self.logs[k].log.sensors]
-        return self.scene(k, values), np.unique(np.concatenate([[0.0], *wanted])), wanted
+    def _inputs(self, k: int, values: Array) -> tuple[Scene, Array, list[Array]]:
+        """Return a log's scene, the times of its motion, and each sensor's times."""
+        circumstances = self.log_values(k, values)
+        at = [times_of(sensor, circumstances) for sensor in self.logs[k].log.sensors]
+        return self.scene(k, values), np.unique(np.concatenate([[0.0], *at])), at
 
-    def _moved(self, k: int, key: tuple[float, ...]) -> tuple[Motion, list[Rows]] | None:
-        """Return a log's motion, and the rows that each sensor reads; None where none."""
+    def _run(self, k: int, key: tuple[float, ...]) -> tuple[Motion, list[Rows]] | None:
+        """Return a log's motion and the rows that each sensor reads, or None if it fails."""
         values = np.array([u.value for u in self.unknowns])
         values[self._moving[k]] = key
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SceneWarning)
             try:
-                scene, times, wanted = self._asked(k, values)
+                scene, times, at = self._inputs(k, values)
                 motion = self.run(scene, times)
             except InputError:
                 return None
         if len(motion.times) < len(times):
             return None
-        return motion, [np.searchsorted(times, each) for each in wanted]
+        return motion, [np.searchsorted(times, sensor_times) for sensor_times in at]
 
     def of_log(self, k: int, x: Array) -> list[Array] | None:
-        """Return how far the readings of a log's sensors are from its motion's; None for none."""
+        """Return readings minus model for each sensor of a log, or None without a motion."""
         values = self.values(x)
-        moved = self._motion(k, tuple(values[self._moving[k]].tolist()))
-        return None if moved is None else self._apart(k, values, *moved)
+        result = self._motion(k, tuple(values[self._moving[k]].tolist()))
+        return None if result is None else self._apart(k, values, *result)
 
     def _apart(self, k: int, values: Array, motion: Motion, rows: list[Rows]) -> list[Array]:
-        given, sensors = self.given(k, values), self.logs[k].log.sensors
-        return [apart(s, motion, r, given) for s, r in zip(sensors, rows, strict=True)]
+        circumstances, sensors = self.log_values(k, values), self.logs[k].log.sensors
+        return [apart(s, motion, r, circumstances) for s, r in zip(sensors, rows, strict=True)]
 
     def _part(self, k: int, x: Array) -> Array:
-        found = self.of_log(k, x)
-        if found is None:
+        differences = self.of_log(k, x)
+        if differences is None:
             return np.full(self.logs[k].count, np.inf)
-        return self._weighed(k, found)
+        return self._weighed(k, differences)
 
-    def _weighed(self, k: int, found: list[Array]) -> Array:
-        weighted = zip(found, self.logs[k].noise, strict=True)
-        return self.counted(np.concatenate([(each / noise).ravel() for each, noise in weighted]))
+    def _weighed(self, k: int, differences: list[Array]) -> Array:
+        pairs = zip(differences, self.logs[k].noise, strict=True)
+        return self.counted(np.concatenate([(left / noise).ravel() for left, noise in pairs]))
 
     def counted(self, left: Array) -> Array:
-        """Return residuals whose squares are what the loss makes of those of others."""
+        """Return residuals whose squares equal the loss of the given ones."""
         return np.copysign(np.sqrt(LOSSES[self.loss](left**2)), left)
 
     def _by_motion(self, k: int, at: tuple[float, ...]) -> dict[int, Array]:
-        """Return the derivatives (n,) of a log's residuals by unknowns that change its motion.
+        """Return the derivatives (n,) of a log's residuals by unknowns that affect its motion.
 
-        Not by those that change the times of breakpoints and readings; by none of a run by an
-        engine, nor of a scene with a controller.
+        Unknowns that shift breakpoints or reading times are left out. Empty for runs with an
+        engine, and for a scene with a controller.
         """
-        from robotball.theory.multibody.integration import integrate_together  # which loads numba
+        from robotball.theory.multibody.integration import integrate_together  # loads numba
 
         if self.run is not by_equations:
             return {}
         x = np.array(at)
         values = {j: self.values(x + _SMALL * (np.arange(len(x)) == j)) for j in self._moving[k]}
-        given = self.values(x)
+        here = self.values(x)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SceneWarning)
-            first, times, wanted = self._asked(k, given)
+            first, times, at_times = self._inputs(k, here)
             if first.controller is not None:
                 return {}
             scenes = {}
             for j, others in values.items():
-                with suppress(InputError):  # no scene there
-                    scene, own, _ = self._asked(k, others)
-                    if np.array_equal(own, times) and scene.breakpoints == first.breakpoints:
+                with suppress(InputError):  # impossible numbers
+                    scene, scene_times, _ = self._inputs(k, others)
+                    same = np.array_equal(scene_times, times)
+                    if same and scene.breakpoints == first.breakpoints:
                         scenes[j] = scene
             try:
                 motions = integrate_together([first, *scenes.values()], times, _ROUGH_RTOL)
@@ -397,56 +400,56 @@ class Residuals:
                 return {}
         if len(motions[0].times) < len(times):
             return {}
-        rows = [np.searchsorted(times, each) for each in wanted]
-        before = self._weighed(k, self._apart(k, given, motions[0], rows))
+        rows = [np.searchsorted(times, sensor_times) for sensor_times in at_times]
+        before = self._weighed(k, self._apart(k, here, motions[0], rows))
         return {
             j: (self._weighed(k, self._apart(k, values[j], motion, rows)) - before) / _SMALL
             for j, motion in zip(scenes, motions[1:], strict=True)
         }
 
     def __call__(self, x: Array) -> Array:
-        """Return the residuals over their noise (n,); inf where there is no motion."""
+        """Return the residuals (n,) over their noise; inf without a motion."""
         return np.concatenate([self._part(k, x) for k in range(len(self.logs))])
 
     def jacobian(self, x: Array, central: bool = False) -> Array:
-        """Return the derivative of the residuals (n, p), by differences.
+        """Return the derivative (n, p) of the residuals.
 
-        Those of an engine's motions are to one side, as good as a step needs, or central.
+        central: use central instead of one-sided differences for an engine's motions.
         """
         parts = []
-        for k, each in enumerate(self.logs):
-            known, part = self._derivatives(k, tuple(x.tolist())), np.zeros((each.count, len(x)))
+        for k, log in enumerate(self.logs):
+            known, part = self._derivatives(k, tuple(x.tolist())), np.zeros((log.count, len(x)))
             for j in self._of[k]:
                 part[:, j] = known[j] if j in known else self._by_differences(k, x, j, central)
             parts.append(part)
         return np.concatenate(parts)
 
     def _by_differences(self, k: int, x: Array, j: int, central: bool = True) -> Array:
-        """Return the derivative (n,) of a log's residuals by one unknown; 0 for no motion."""
+        """Return the derivative (n,) of a log's residuals by one unknown; 0 without a motion."""
         before = self._part(k, x)
         sides = [
             (self._part(k, x + step * (np.arange(len(x)) == j)) - before) / step
             for step in (_DIFFERENCE, -_DIFFERENCE)[: 2 if central else 1]
         ]
-        possible = [each for each in sides if np.isfinite(each).all()]
+        possible = [side for side in sides if np.isfinite(side).all()]
         return np.asarray(np.mean(possible, axis=0)) if possible else np.zeros(len(before))
 
     def of_others(self, x: Array, others: Sequence[Unknown]) -> Array:
-        """Return the derivative (n, m) of the residuals by unknowns that are not sought."""
+        """Return the derivative (n, m) of the residuals by unknowns that are not fitted."""
         unknowns = [*self.unknowns, *others]
         wider = Residuals(self.numbers, unknowns, self.logs, self.run, self.loss, self.fixed)
-        derivative = np.zeros((sum(each.count for each in self.logs), len(others)))
-        ends = np.cumsum([0, *(each.count for each in self.logs)])
+        derivative = np.zeros((sum(log.count for log in self.logs), len(others)))
+        ends = np.cumsum([0, *(log.count for log in self.logs)])
         at = np.concatenate([x, np.zeros(len(others))])
-        for i, each in enumerate(others):
-            assert each.log is not None  # circumstances are of one log
-            rows = slice(ends[each.log], ends[each.log + 1])
-            derivative[rows, i] = wider._by_differences(each.log, at, len(x) + i)
+        for i, unknown in enumerate(others):
+            assert unknown.log is not None  # each circumstance belongs to a log
+            rows = slice(ends[unknown.log], ends[unknown.log + 1])
+            derivative[rows, i] = wider._by_differences(unknown.log, at, len(x) + i)
         return derivative
 
 
 def held(times: Array, values: Array) -> HeldCommand:
-    """Return a log's commands as a drive, each held until the next that differs."""
+    """Return a log's commands as a drive that holds each command until the next."""
     changes = np.flatnonzero(np.diff(values)) + 1
     command = HeldCommand(Constant(float(values[0])))
     for t, value in zip(times[changes].tolist(), values[changes].tolist(), strict=True):
@@ -456,8 +459,8 @@ def held(times: Array, values: Array) -> HeldCommand:
 
 
 def by_equations(scene: Scene, times: Array) -> Motion:
-    """Return the motion of a scene at times (n,) [s], as exactly as a fit needs.
+    """Return the motion of a scene at times (n,) [s], with the accuracy that a fit needs.
 
-    Raises InputError where `integrate` does, and for a motion that takes too many steps.
+    Raises InputError if `integrate` does, and if the motion takes too many steps.
     """
     return integrate(scene, times, _RTOL, int(_MOST_STEPS * (1 + times[-1])))

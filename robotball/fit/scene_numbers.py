@@ -1,7 +1,7 @@
-"""The numbers of a scene by their paths, such as "frame.part.battery.mass" or "friction.rolling".
+"""Numbers of a scene by path, such as "frame.part.battery.mass" or "friction.rolling".
 
-A scene file's numbers are as the file has them, and its parts stay parts; another scene's are those
-of the text that `toml_of` writes. `robot_numbers` has the numbers of a robot's own file.
+Numbers of a scene file are kept as the file has them, with its parts; numbers of another scene are
+taken from the text of `toml_of`. `robot_numbers` does the same for a robot's model file.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,17 +24,17 @@ from robotball.robot.scene import Scene
 from robotball.scene_files.scene_file import CATALOG, catalog, read_keys
 from robotball.scene_files.scene_keys import unit_at
 
-_Place = tuple[str | int, ...]
-# A fit finds the start itself; the other keys are no numbers of a robot.
-_NOT = ("start", "duration", "title", "source", "gravity_direction")
+_KeyPath = tuple[str | int, ...]
+# The initial state is fitted separately; the other keys are not physical numbers of a robot.
+_EXCLUDED = ("start", "duration", "title", "source", "gravity_direction")
 _AXES = "xyz"
 
 
 @dataclass(frozen=True)
 class SceneNumbers(Numbers):
-    """Hold a scene as its file has it, with its numbers by their paths.
+    """Hold the tables of a scene file, with its numbers by path.
 
-    name: of the scene; folder: of files that it names; tables: the file's, with defaults.
+    name: of the scene; folder: of files that it refers to; tables: with defaults filled in.
     """
 
     name: str
@@ -44,16 +44,16 @@ class SceneNumbers(Numbers):
 
     @cached_property
     def known(self) -> dict[str, Number]:
-        """Each number, by its path."""
-        return dict(_numbers((), (), {k: v for k, v in self.tables.items() if k not in _NOT}))
+        """Each number, keyed by path."""
+        return dict(_numbers((), (), {k: v for k, v in self.tables.items() if k not in _EXCLUDED}))
 
     def scene(self, values: Mapping[str, float]) -> Scene:
-        """Return the scene with other numbers at some paths. Raises InputError where none is."""
+        """Return the scene with some numbers replaced. Raises InputError if it is invalid."""
         scene = read_keys(self.folder / f"{self.name}.toml", self._changed(values))
         return replace(scene, name=self.name)
 
     def text(self, values: Mapping[str, float], start: Scene) -> str:
-        """Return the text of a scene file with other numbers, that starts as a scene does."""
+        """Return the scene file's text with some numbers replaced and the start of `start`."""
         tables = self._changed(values)
         tables["start"] = {
             "attitude": start.start.attitude.tolist(),
@@ -67,7 +67,7 @@ class SceneNumbers(Numbers):
         return text_of(_as_table(tables))
 
     def with_whole(self, names: Sequence[str]) -> "SceneNumbers":
-        """Return the numbers with mass, centre and inertia of some bodies in place of their parts.
+        """Return the numbers with mass, centre and inertia of some bodies instead of their parts.
 
         Raises InputError for the shell and rotors, whose inertia is symmetric.
         """
@@ -76,12 +76,11 @@ class SceneNumbers(Numbers):
         tables: Any = deepcopy(self.tables)
         for name in names:
             if name not in bodies:
-                raise unknown("body of any inertia", name, bodies)
+                raise unknown("body with a general inertia", name, bodies)
             body = bodies[name]
-            own = {"mass": body.mass, "centre": body.centre.tolist()}
-            own["inertia"] = body.inertia.tolist()
             table = _body_table(tables, name)
-            table.update(dict.fromkeys(("part", "mjcf", "urdf")), **own)
+            whole = {"centre": body.centre.tolist(), "inertia": body.inertia.tolist()}
+            table.update(dict.fromkeys(("part", "mjcf", "urdf")), mass=body.mass, **whole)
         return replace(self, tables=tables)
 
     def _changed(self, values: Mapping[str, float]) -> dict[str, Any]:
@@ -92,14 +91,13 @@ class SceneNumbers(Numbers):
         return dict(changed)
 
 
-def _same(place: _Place) -> list[_Place]:
-    """Return the places of one number: two of a tensor's, whose rows are a list of lists."""
+def _same(place: _KeyPath) -> list[_KeyPath]:
+    """Return the key path of a number, and of its mirror image in a symmetric tensor."""
     symmetric = len(place) > 1 and isinstance(place[-1], int) and isinstance(place[-2], int)
     return [place, (*place[:-2], place[-1], place[-2])] if symmetric else [place]
 
 
 def _body_table(tables: Any, name: str) -> Any:
-    """Return the table of a body, which has the name of its hinge."""
     kind = name.rstrip("0123456789")
     number = name.removeprefix(kind)
     return tables[kind][int(number) - 1] if number else tables[kind]
@@ -110,32 +108,33 @@ def _as_table(tables: Mapping[str, Any]) -> SceneTable:
 
 
 def numbers_of(scene: Numbers | Scene | str | Path) -> Numbers:
-    """Return the numbers of a scene, or of the scene of a name or a file, a robot's own too.
+    """Return the numbers of a scene, of a catalog name, or of a scene or robot file.
 
-    Raises InputError for a scene that no file can hold.
+    Raises InputError for a scene that cannot be written to a file.
     """
     if isinstance(scene, Numbers):
         return scene
     if isinstance(scene, Scene):
         return SceneNumbers(scene.name, CATALOG, _tables_of(scene.name, toml_of(scene)))
     path = CATALOG / f"{scene}.toml" if str(scene) in catalog() else Path(scene)
-    loaded = scene_of(scene)  # which says what is wrong with the file
+    loaded = scene_of(scene)  # reports errors in the file
     if path.suffix in MODEL_FILES or "robot" in msgspec.toml.decode(contents(path)):
-        from robotball.user_model.robot_numbers import robot_numbers  # which loads an engine
+        from robotball.user_model.robot_numbers import robot_numbers  # loads an engine
 
         return robot_numbers(path)
     return SceneNumbers(loaded.name, path.parent, _tables_of(path, contents(path)))
 
 
-def _tables_of(what: object, text: str | bytes) -> Mapping[str, Any]:
-    with readable(f"{what}: not TOML"):
+def _tables_of(source: object, text: str | bytes) -> Mapping[str, Any]:
+    with readable(f"{source}: not TOML"):
         table = _as_table(msgspec.toml.decode(text))
-    # By way of JSON, which has lists, and the defaults of keys that are not given.
+    # A round trip through JSON gives lists, and fills in defaults.
     return dict(msgspec.json.decode(msgspec.json.encode(table)))
 
 
-def _numbers(words: tuple[str, ...], place: _Place, value: object) -> Iterator[tuple[str, Number]]:
-    """Yield the numbers in a value of TOML with their paths."""
+def _numbers(
+    words: tuple[str, ...], place: _KeyPath, value: object
+) -> Iterator[tuple[str, Number]]:
     if isinstance(value, bool):
         return
     if isinstance(value, int | float):
@@ -149,8 +148,8 @@ def _numbers(words: tuple[str, ...], place: _Place, value: object) -> Iterator[t
         for i, inner in enumerate(value):
             if place and isinstance(place[-1], int) and i < place[-1]:
                 continue  # a tensor is symmetric
-            named = inner.get("name") if isinstance(inner, dict) else None
-            word = named or (_AXES[i] if triple else str(i + 1))
-            # Rotors and pendulums as their hinges are named: rotor1, pendulum1.
-            own = (f"{words[0]}{word}",) if len(words) == 1 else (*words, word)
-            yield from _numbers(own, (*place, i), inner)
+            title = inner.get("name") if isinstance(inner, dict) else None
+            word = title or (_AXES[i] if triple else str(i + 1))
+            # Rotors and pendulums have the names of their hinges: rotor1, pendulum1.
+            path = (f"{words[0]}{word}",) if len(words) == 1 else (*words, word)
+            yield from _numbers(path, (*place, i), inner)

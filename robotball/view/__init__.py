@@ -1,1 +1,1 @@
-"""Draw motions without a screen: films, MuJoCo's viewer, and pages to orbit and play."""
+"""Show motions: notebook cells, films, MuJoCo's viewer, and web pages to orbit and play."""

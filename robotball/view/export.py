@@ -1,7 +1,7 @@
 """Export a scene for other simulators: a folder with JSON, MJCF, URDF, SDF and conventions.
 
-The JSON has the numbers that an engine's model is made of. The MJCF has bodies, hinges, contact and
-start, without any engine's recipe; URDF and SDF have bodies and hinges.
+The JSON has all numbers that a model needs. The MJCF has bodies, hinges, contact and start, without
+settings for an engine; URDF and SDF have bodies and hinges.
 """
 
 import contextlib
@@ -34,14 +34,13 @@ from robotball.view.poses import poses
 
 _FORMAT = "robotball scene 1"
 _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
-# The unit of a hinge's command by its motor; a motor that is not here takes a torque.
+# Unit of a hinge's command by motor type; all other motors take a torque.
 _COMMANDED = {type(None) | Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
-# Times the friction that the motion needs: another engine's contact must not slip at the peak.
-_MARGIN = 1.5
-# Readers of URDF and SDF ask for limits of every joint; these limit nothing.
+_MARGIN = 1.5  # friction over the needed one: contacts of other engines must not slip at the peak
+# URDF and SDF require joint limits; these are too large to have an effect.
 _FASTEST, _STRONGEST, _FARTHEST, _BOUNDLESS = "1e6", "1e9", "1e6", "1e16"
-# The newest with gravity where DART looks for it; other engines read it as well. It has no type
-# `continuous`: such a joint has limits without end.
+# The newest version with gravity where DART looks for it; other engines read it, too. It has no
+# joint type `continuous`, so joints have infinite limits.
 _SDF_VERSION = "1.5"
 _README = "README.md"
 
@@ -80,27 +79,27 @@ def scene_toml(scene: Scene | str | Path) -> str:
 def export_scene(scene: Scene | str | Path, folder: str | Path, times: Times = None) -> list[Path]:
     """Write a scene for other simulators into a folder.
 
-    The files are scene.json, scene.toml if the scene can be written so, drives.csv and
-    reference.csv at the sample times, model.xml (MJCF), model.urdf, model.sdf and README.md.
+    Writes scene.json, scene.toml if possible, drives.csv and reference.csv at the sample times,
+    model.xml (MJCF), model.urdf, model.sdf and README.md.
 
     Parameters
     ----------
     scene : Scene, str or Path
         The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
     folder : str or Path
-        The folder. It is made if it does not exist.
+        The folder. It is created if it does not exist.
     times : float or (n,), s, optional
         The duration, or sample times that increase from 0. The default is `scene.times`.
 
     Returns
     -------
     list of Path
-        The files that were written, sorted.
+        The written files, sorted.
 
     Raises
     ------
     InputError
-        If the equations cannot integrate the scene, if nothing can be written, or if `load_scene`
+        If the equations cannot integrate the scene, a file cannot be written, or `load_scene`
         raises it.
 
     Examples
@@ -121,9 +120,9 @@ def export_scene(scene: Scene | str | Path, folder: str | Path, times: Times = N
         "model.sdf": _sdf(motion),
         _README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
     }
-    with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
+    with contextlib.suppress(InputError):  # for a rate given as a function; drives.csv has it
         texts["scene.toml"] = toml_of(scene)
-    # One by one, each whole or not there: a folder that was half written has no half file.
+    # Each file is written whole or not at all, even if the folder remains incomplete.
     for name, text in texts.items():
         with replacing(folder / name) as temporary:
             temporary.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
@@ -133,14 +132,13 @@ def export_scene(scene: Scene | str | Path, folder: str | Path, times: Times = N
 
 
 def _drives(motion: Motion) -> Table:
-    """Return each hinge's command, with its slope and its integral from 0."""
     times = motion.times
     columns: dict[str, Array] = {"t": times}
     for hinge in motion.scene.hinges:
         command = hinge.command
         parts = {"command": command.rate, "slope": command.acceleration, "integral": command.angle}
-        for what, of in parts.items():
-            columns[f"{hinge.name}_{what}"] = np.asarray(of(times), dtype=float)
+        for quantity, function in parts.items():
+            columns[f"{hinge.name}_{quantity}"] = np.asarray(function(times), dtype=float)
     gravity = zip("XYZ", motion.scene.gravity_at(times).T, strict=True)
     if motion.scene.plane_moves:
         columns |= {f"gravity_{axis}": along for axis, along in gravity}
@@ -148,10 +146,9 @@ def _drives(motion: Motion) -> Table:
 
 
 def _plain(motion: Motion) -> dict[str, Any]:
-    """Return the scene of a reference motion as JSON takes it; SI, quaternions (w, x, y, z).
+    """Return the scene of a reference motion as JSON data; SI, quaternions (w, x, y, z).
 
-    The bodies' states are those of the start, in world axes; friction is what the whole motion
-    needs.
+    The states of bodies are initial states in world axes; friction is for the whole motion.
     """
     scene, ball = motion.scene, motion.scene.ball
     moments, axes = ball.principal
@@ -163,7 +160,7 @@ def _plain(motion: Motion) -> dict[str, Any]:
         "duration": float(motion.times[-1]),
         "sample_times": {"count": len(motion.times), "file": "reference.csv", "column": "t"},
         "gravity": scene.gravity_world.tolist(),
-        "plane_acceleration": [formula(each) for each in scene.plane_drives],
+        "plane_acceleration": [formula(drive) for drive in scene.plane_drives],
         "ball": {
             "radius": ball.radius,
             "mass": ball.mass,
@@ -185,12 +182,12 @@ def _plain(motion: Motion) -> dict[str, Any]:
 
 
 def _friction_needed(motion: Motion) -> dict[str, Any]:
-    """Return the least coefficients without which the ball slips or, a rubber one, spins."""
+    """Return the least friction coefficients that prevent slip and, for a rubber ball, spin."""
     sliding = float(motion.loads.sliding_friction.max())
     torsional = float(motion.loads.torsional_friction.max())
     return {
         "sliding": sliding,
-        # A classical ball spins freely: what torque its path would take says nothing.
+        # A classical ball spins freely, so the torque that would prevent it is irrelevant.
         "torsional": torsional if motion.scene.rolling == "rubber" else 0.0,
         "torsional_unit": "m",
         "least_normal_force": float(motion.loads.normal_force.min()),
@@ -209,7 +206,7 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
             "inertia": link.inertia.tolist(),
             "inertia_about_centre": inertia_about(np.zeros(3), link).tolist(),
             "hinge": _hinge(hinges[link.name], link.parent) if link.parent else None,
-            "start": {what: each[0].tolist() for what, each in vars(placed[link.name]).items()},
+            "start": {name: rows[0].tolist() for name, rows in vars(placed[link.name]).items()},
         }
         for link in scene.ball.tree
     ]
@@ -224,7 +221,7 @@ def _hinge(hinge: MovedHinge, parent: str) -> dict[str, Any]:
         "pivot": hinge.body.pivot.tolist(),
         "angle": hinge.angle,
         "rate": hinge.rate,
-        # docs/scene.md says what a motor does with its command.
+        # docs/scene.md explains the parameters of each motor.
         "motor": None if motor is None else {"kind": type(motor).__name__, **asdict(motor)},
         "command": {
             "unit": unit,
@@ -235,7 +232,7 @@ def _hinge(hinge: MovedHinge, parent: str) -> dict[str, Any]:
 
 
 def formula(command: Drive) -> dict[str, Any]:
-    """Return a command by its formula, in plain data. Without one, drives.csv has it."""
+    """Return a command's parameters and formula as plain data; samples are in drives.csv."""
     text = "see drives.csv"
     match command:
         case Constant():
@@ -261,9 +258,9 @@ def formula(command: Drive) -> dict[str, Any]:
 
 
 def _mjcf(motion: Motion) -> str:
-    """Return the MJCF of a reference motion's scene, its start as the keyframe `start`.
+    """Return the MJCF of a reference motion's scene, with its initial state as keyframe `start`.
 
-    It cannot say how the hinges are driven: their motors are left to who simulates it.
+    MJCF cannot express prescribed rates: motors are left to the user.
     """
     scene = motion.scene
     root = Element("mujoco", model=scene.name)
@@ -271,7 +268,7 @@ def _mjcf(motion: Motion) -> str:
     world = SubElement(root, "worldbody")
     needed = _friction_needed(motion)
     friction = [_MARGIN * needed["sliding"], _MARGIN * needed["torsional"], 0.0]
-    # A contact of dimension 4 resists spinning about its normal, which a rubber ball does not do.
+    # condim 4 resists spin about the normal, which the rubber model excludes.
     condim = "4" if scene.rolling == "rubber" else "3"
     contact = {"friction": _numbers(friction), "condim": condim}
     SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", **contact})
@@ -279,15 +276,15 @@ def _mjcf(motion: Motion) -> str:
     armatures = {hinge.name: hinge.motor.armature for hinge in scene.hinges if hinge.motor}
     for link in links_of(scene):
         origin = link.pivot if link.parent else [0.0, 0.0, scene.ball.radius]
-        # All hinges are at angle 0 here; the keyframe turns them.
+        # All hinges are at angle 0 here; the keyframe sets their angles.
         body = SubElement(bodies[link.parent], "body", name=link.name, pos=_numbers(origin))
         mass = {"pos": _numbers(link.centre), "mass": repr(float(link.mass))}
         moments = " ".join(_moments(link.inertia).values())
         SubElement(body, "inertial", {**mass, "fullinertia": moments})
         if not link.parent:
-            # Not `freejoint`, which DART and PyBullet do not know.
+            # Not `freejoint`, which DART and PyBullet do not support.
             SubElement(body, "joint", name=link.name, type="free")
-            # Without a mass of its own: the inertial above has all of the shell's.
+            # Massless: the inertial above is the whole shell's.
             sphere = {"name": "sphere", "type": "sphere", "size": repr(float(scene.ball.radius))}
             SubElement(body, "geom", {**sphere, "mass": "0", **contact})
         else:
@@ -299,7 +296,7 @@ def _mjcf(motion: Motion) -> str:
     shell = poses(motion)["shell"]
     hinges = scene.hinges
     centre = [0.0, 0.0, scene.ball.radius]
-    # A free joint's velocity is in the world, its angular velocity in the body's own axes.
+    # A free joint has linear velocity in world axes and angular velocity in body axes.
     turning = rotation_matrix(shell.attitude[0]).T @ shell.angular_velocity[0]
     velocity = np.cross(shell.angular_velocity[0], centre)
     keyframe = SubElement(root, "keyframe")
@@ -310,9 +307,9 @@ def _mjcf(motion: Motion) -> str:
 
 
 def _urdf(scene: Scene) -> str:
-    """Return the URDF of a scene's ball, without plane, start, rates and friction."""
+    """Return the URDF of a scene's ball, which has no plane, initial state, rates or friction."""
     root = Element("robot", name=scene.name)
-    # MuJoCo fixes the shell to the world, and would leave its mass out; others pass over this.
+    # Otherwise MuJoCo would weld the shell to the world and drop its mass; others ignore this.
     SubElement(SubElement(root, "mujoco"), "compiler", fusestatic="false")
     links = links_of(scene)
     for link in links:
@@ -341,9 +338,9 @@ def _urdf(scene: Scene) -> str:
 
 
 def _sdf(motion: Motion) -> str:
-    """Return the SDF world of a motion's scene, its pose at the start; SDF has no velocities.
+    """Return the SDF world of a motion's scene with its initial pose.
 
-    Hinges are at angle 0, and their rates are left to who simulates it.
+    SDF has no velocities; hinges are at angle 0, and their rates are left to the user.
     """
     scene = motion.scene
     root = Element("sdf", version=_SDF_VERSION)
@@ -353,7 +350,7 @@ def _sdf(motion: Motion) -> str:
     surface = _surface(motion)
     plane = _fill(SubElement(world, "model", name="plane"), {"static": "true"})
     ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")
-    # The size is that of its picture, without which PyBullet reads no plane.
+    # The size is only for display, but PyBullet reads no plane without it.
     shape = {"plane": {"normal": "0 0 1", "size": "100 100"}}
     _fill(ground, {"geometry": shape, "surface": surface})
     ball = SubElement(world, "model", name="ball")
@@ -361,7 +358,7 @@ def _sdf(motion: Motion) -> str:
     angles = Rotation.from_quat(shell.attitude[0], scalar_first=True).as_euler("xyz")
     _fill(ball, {"pose": _numbers([0.0, 0.0, scene.ball.radius, *angles])})
     links = links_of(scene)
-    # SDF gives a link's place in its model, not in its parent.
+    # SDF gives a link's position in its model, not relative to its parent.
     places = {"": np.zeros(3)}
     for link in links:
         places[link.name] = place = places[link.parent] + link.pivot
@@ -387,12 +384,11 @@ def _sdf(motion: Motion) -> str:
 
 
 def _surface(motion: Motion) -> dict[str, Any]:
-    """Return the contents of an SDF surface with the friction that the motion needs."""
     needed = _friction_needed(motion)
     sliding = repr(_MARGIN * needed["sliding"])
     friction: dict[str, Any] = {"ode": {"mu": sliding, "mu2": sliding}}
     if needed["torsional"]:
-        # Its torque is 3π/16 · coefficient · patch radius · normal force; the radius is 1 m here.
+        # The torque is 3π/16 · coefficient · patch radius · normal force; the radius here is 1 m.
         coefficient = repr(_MARGIN * needed["torsional"] * 16 / (3 * np.pi))
         patch = {"use_patch_radius": "true", "patch_radius": "1.0"}
         friction["torsional"] = {**patch, "coefficient": coefficient}
@@ -400,7 +396,7 @@ def _surface(motion: Motion) -> dict[str, Any]:
 
 
 def _fill(parent: Element, contents: Mapping[str, Any]) -> Element:
-    """Add elements by their names, each with a text or with contents of its own."""
+    """Add elements to `parent`, each with a text or with nested contents, by name."""
     for name, content in contents.items():
         element = SubElement(parent, name)
         if isinstance(content, str):
@@ -411,18 +407,16 @@ def _fill(parent: Element, contents: Mapping[str, Any]) -> Element:
 
 
 def _moments(inertia: Array) -> dict[str, str]:
-    """Return the six moments by URDF's and SDF's names, in the order of MJCF's fullinertia."""
+    """Return the six moments with the names of URDF and SDF, in the order of MJCF's fullinertia."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     return dict(zip(names, map(repr, (xx, yy, zz, xy, xz, yz)), strict=True))
 
 
 def _numbers(values: Array | list[float]) -> str:
-    """Return numbers with all their digits, separated by blanks."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def _xml_text(root: Element) -> str:
-    """Return an indented document."""
     indent(root)
     return tostring(root, encoding="unicode")

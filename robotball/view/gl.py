@@ -1,6 +1,6 @@
-"""Find an OpenGL that draws off-screen; `python -m robotball.view.gl` prints which, or the fix.
+"""Find an OpenGL backend for off-screen drawing; `python -m robotball.view.gl` prints it.
 
-A broken OpenGL can end the process that tries it, so each candidate is tried in a child process.
+A broken OpenGL can crash the process that uses it, so each candidate is tested in a child process.
 """
 
 import functools
@@ -12,12 +12,12 @@ import sys
 from traceback import walk_tb
 from typing import Any
 
-_PATIENCE = 60.0  # s, for one candidate: several times what a loaded machine needs
+_PATIENCE = 60.0  # s for one candidate, several times the time needed on a busy machine
 _OFF = ("disable", "disabled", "off", "false", "0")
 _ANY = ("", "enable", "enabled", "on", "true", "1")
 _FIX = {"Linux": "sudo apt-get install libosmesa6", "Darwin": "a session with a window server"}
 
-# MuJoCo takes its backend from MUJOCO_GL when it is first imported, as it is in the child.
+# MuJoCo chooses its backend from MUJOCO_GL when it is first imported, here in the child.
 _PROBE = """
 import mujoco
 with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8) as renderer:
@@ -27,26 +27,26 @@ with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8) as rende
 
 @functools.cache
 def find_backend() -> str | None:
-    """Return the name of an off-screen GL that works here ("egl", "osmesa", …), or None.
+    """Return the name of a working off-screen backend ("egl", "osmesa", …), or None.
 
-    If MUJOCO_GL is set, it is the only candidate. The result is cached for the process.
+    If MUJOCO_GL is set, it is the only candidate. The result is cached.
     """
     return next(filter(_works, _candidates()), None)
 
 
 def context(width: int, height: int, backend: str) -> Any:
-    """Return a MuJoCo GLContext, made current, for pictures up to this size in pixels.
+    """Return a current MuJoCo GLContext for pictures up to this size [px].
 
-    backend: as `find_backend()` returned, here or in another process. It is independent of the
-    backend that `import mujoco` chose.
+    backend: from `find_backend()`, here or in another process. It may differ from the backend that
+    `import mujoco` chose.
     """
-    made = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
-    made.make_current()
-    return made
+    gl_context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
+    gl_context.make_current()
+    return gl_context
 
 
 def advice() -> str:
-    """Return one line: why there is no off-screen GL, and how to get one."""
+    """Return one line: that there is no off-screen GL, and how to get one."""
     chosen = os.environ.get("MUJOCO_GL")
     platform_of_pyopengl = os.environ.get("PYOPENGL_PLATFORM")
     if chosen and platform_of_pyopengl not in (None, "", chosen):
@@ -59,7 +59,7 @@ def advice() -> str:
 
 
 def ended_import(error: Exception) -> bool:
-    """Return whether the error was raised in MuJoCo's import, which loads MUJOCO_GL's OpenGL."""
+    """Return whether MuJoCo's import raised the error while loading MUJOCO_GL's OpenGL."""
     modules = {frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__)}
     return bool(os.environ.get("MUJOCO_GL")) and "mujoco" in modules
 
@@ -69,9 +69,9 @@ def _candidates() -> tuple[str, ...]:
     if chosen in _OFF:
         return ()
     if chosen not in _ANY:
-        # MuJoCo's names for a window's OpenGL on Linux and on Windows; GLFW is how it opens both.
+        # MuJoCo's names for a window's OpenGL on Linux and Windows; both are opened with GLFW.
         return ("glfw",) if chosen in ("glx", "wgl") else (chosen,)
-    # EGL first, which may have a GPU; OSMesa draws on the processor.
+    # EGL first, because it may use a GPU; OSMesa draws on the CPU.
     return {"Linux": ("egl", "osmesa"), "Darwin": ("cgl", "glfw")}.get(platform.system(), ("glfw",))
 
 

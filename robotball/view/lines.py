@@ -1,15 +1,28 @@
-"""The looks of lines: an engine and a preset have one colour, dash and marker in all pictures.
+"""Line styles: each engine and preset has one colour, dash and marker in all pictures.
 
-The colours are Okabe and Ito's and Tol's, which colour-blind readers distinguish. An engine's own
-and its marker are in its label. Nothing heavy is imported, as processes that only draw need this.
+The colours are from Okabe and Ito and from Tol, and distinguishable for colour-blind readers. An
+engine's default colour and marker are in its `Label`. Nothing heavy is imported here, because
+drawing processes need this module.
 """
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+# Colour, dash and marker of each preset. Default settings have the engine's colour and marker.
+_SPARE = (("#882255", (6, 2), "d"), ("#332288", (2, 2), "^"), ("#999933", (7, 2, 2, 2), ">"))
+PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
+    "fast": ("#B08900", (7, 2, 2, 2), "D"),
+    "balanced": ("#009E73", (6, 2), "s"),
+    "accurate": ("#CC79A7", (2, 2), "^"),
+    "adaptive": ("#56B4E9", (1, 3), "v"),
+    **dict.fromkeys(("best", "mended"), _SPARE[0]),
+    **dict.fromkeys(("ideal", "contact", "kept"), _SPARE[1]),
+    **dict.fromkeys(("discrete", "RK4"), _SPARE[2]),
+}
 
-class Look(NamedTuple):
-    """The label, colour, dash (in widths of the line) and marker by which a line is known."""
+
+class LineStyle(NamedTuple):
+    """Label, colour, dash (in line widths) and marker of a line."""
 
     label: str
     colour: str
@@ -17,21 +30,8 @@ class Look(NamedTuple):
     marker: str = ""
 
 
-# The looks of presets: colour, dash and marker. An engine as it comes has the engine's own.
-_MORE = (("#882255", (6, 2), "d"), ("#332288", (2, 2), "^"), ("#999933", (7, 2, 2, 2), ">"))
-PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
-    "fast": ("#B08900", (7, 2, 2, 2), "D"),
-    "balanced": ("#009E73", (6, 2), "s"),
-    "accurate": ("#CC79A7", (2, 2), "^"),
-    "adaptive": ("#56B4E9", (1, 3), "v"),
-    **dict.fromkeys(("best", "mended"), _MORE[0]),
-    **dict.fromkeys(("ideal", "contact", "kept"), _MORE[1]),
-    **dict.fromkeys(("discrete", "RK4"), _MORE[2]),
-}
-
-
 def label_of(motion: Any) -> str:
-    """Return the engine's name with that of its settings: "MuJoCo, fast", "MuJoCo as it comes"."""
+    """Return the names of engine and settings: "MuJoCo, fast", "MuJoCo as it comes"."""
     report = getattr(motion, "report", None)
     if report is None:
         return str(motion.engine.name)
@@ -40,23 +40,24 @@ def label_of(motion: Any) -> str:
     return f"{motion.engine.name}, {report.settings.name}"
 
 
-def line_looks(motions: Sequence[Any]) -> list[Look]:
-    """Return the look of each `Motion`: its preset's, else its engine's.
+def line_looks(motions: Sequence[Any]) -> list[LineStyle]:
+    """Return the line style of each motion: of its preset, otherwise of its engine.
 
-    A motion whose colour is taken, as of settings that have no name, has a further one. The
-    equations' have no marker.
+    If a colour is already taken, for example by unnamed settings of the same engine, the next free
+    one is used. The equations have no marker.
     """
-    looks = list[Look]()
+    looks = list[LineStyle]()
+    looks = list[LineStyle]()
     for motion in motions:
         settings, engine = getattr(motion, "report", None), motion.engine
-        own = (engine.colour, (), engine.marker if settings else "")
-        named = PRESET_LOOKS.get(settings.settings.name, own) if settings else own
+        default = (engine.colour, (), engine.marker if settings else "")
+        preset = PRESET_LOOKS.get(settings.settings.name, default) if settings else default
         taken = {look.colour for look in looks}
-        free = [row for row in (named, *_MORE, *PRESET_LOOKS.values()) if row[0] not in taken]
-        looks.append(Look(label_of(motion), *(free or [named])[0]))
+        free = [row for row in (preset, *_SPARE, *PRESET_LOOKS.values()) if row[0] not in taken]
+        looks.append(LineStyle(label_of(motion), *(free or [preset])[0]))
     return looks
 
 
 def colours_of(motions: Sequence[Any]) -> list[str]:
-    """Return the colour of each `Motion`, as `line_looks` has it."""
+    """Return the colour of each motion's line style."""
     return [look.colour for look in line_looks(motions)]

@@ -1,6 +1,6 @@
-"""Scenes and motions in a notebook: their cells, and a figure of paths and momenta.
+"""Notebook cells for scenes and motions, and a figure of paths and momenta.
 
-matplotlib is loaded when a picture is drawn.
+matplotlib is imported when a picture is drawn.
 """
 
 import io
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH = 480  # px, of the picture of a path in a cell
-_FLATTEST, _TALLEST = 0.5, 0.75  # of that width is its height, by the path's own form
-_SHARP = 2  # pixels of the file for one on the page: screens of high resolution show them
-_SHOWN, _STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
-# Else the class's name.
-_MOVED = {"Servo": "velocity servo", "PositionServo": "position servo", "DCMotor": "DC motor"}
+_FLATTEST, _TALLEST = 0.5, 0.75  # limits of its height over its width
+_SHARP = 2  # file pixels per page pixel, for high-resolution screens
+_SHOWN, _STEPS = 10.0, 4000  # longest path [s] and most steps: a cell must appear quickly
+# Other motors have the name of their class.
+_MOTORS = {"Servo": "velocity servo", "PositionServo": "position servo", "DCMotor": "DC motor"}
 
 
 def scene_cell(scene: Scene) -> str:
-    """Return HTML of the scene's line, a table of its bodies, and its path by the equations.
+    """Return HTML with the scene's repr, a table of its bodies, and its path from the equations.
 
-    A path that the equations cannot give in _STEPS steps is replaced by the reason.
+    If the path takes more than _STEPS steps, it is replaced by the reason.
     """
-    # The shell has no hinge, and so no entry here.
-    hinges = {hinge.name: _moved(hinge) for hinge in scene.hinges}
+    # The shell has no hinge and thus no entry.
+    hinges = {hinge.name: _drive_of(hinge) for hinge in scene.hinges}
     table = "<tr><th>body</th><th>mass [kg]</th><th>turns</th></tr>"
     for link in scene.ball.tree:
         turns = escape(hinges.get(link.name, ""))
@@ -49,44 +49,43 @@ def scene_cell(scene: Scene) -> str:
         return (
             f"<div><code>{escape(repr(scene))}</code>{above}<div>{escape(str(error))}</div></div>"
         )
-    return cell(repr(scene), [motion], f"{above}<div>Its path, by the equations:</div>")
+    return cell(repr(scene), [motion], f"{above}<div>Path computed with the equations:</div>")
 
 
-def _moved(hinge: Any) -> str:
-    """Name the motor of a hinge, or give the rate that drives it."""
+def _drive_of(hinge: Any) -> str:
     if hinge.motor is not None:
         name = type(hinge.motor).__name__
-        return _MOVED.get(name, name.lower())
+        return _MOTORS.get(name, name.lower())
     rate = f"{hinge.rate:.4g} rad/s"
-    return rate if isinstance(hinge.command, Constant) else f"{rate} at first"
+    return rate if isinstance(hinge.command, Constant) else f"{rate} initially"
 
 
 def _motion_cell(motion: Motion) -> str:
-    """Return HTML of the motion's line and its path; one that broke off at once has no path."""
+    """Return HTML with the motion's repr and its path, if it has any samples."""
     line = repr(motion)
     return cell(line, [motion]) if len(motion.times) else f"<code>{escape(line)}</code>"
 
 
 def cell(line: str, motions: Sequence[Motion], above: str = "") -> str:
-    """Return a notebook cell: a line of text, optional HTML, the motions' paths and a 3-D view.
+    """Return a notebook cell: a line of text, optional HTML, a PNG of the paths and a 3-D view.
 
-    The paths are a PNG. The view, of motions of two times at least, is folded away.
+    The 3-D view is folded, and omitted for motions with fewer than two samples.
     """
     from robotball.view.web import view_page
 
     figure = _figure((_WIDTH / 100, _WIDTH * _TALLEST / 100))
     axes = figure.add_subplot()
     _draw_paths(axes, motions)
-    # A ball that stands still has no width.
+    # A ball at rest has no width.
     form = axes.dataLim.height / (axes.dataLim.width or 1.0)
-    # A cell is as high as its path needs, but no strip and no tower.
+    # The cell's height follows the path, within limits.
     figure.set_figheight(_WIDTH * float(np.clip(form, _FLATTEST, _TALLEST)) / 100)
-    # In the page itself: a notebook is passed on without the files beside it.
+    # Embedded, because notebooks are shared without other files.
     png = b64encode(_png(figure, _SHARP)).decode("ascii")
-    names = escape(", ".join(each.engine.name for each in motions), quote=True)
+    names = escape(", ".join(motion.engine.name for motion in motions), quote=True)
     view = ""
-    if min(len(each.times) for each in motions) > 1:
-        # Folded away it is not loaded: a browser has room for few 3-D views at a time.
+    if min(len(motion.times) for motion in motions) > 1:
+        # Not loaded while folded: browsers limit the number of 3-D views.
         view = (
             '<details><summary>3-D view</summary><iframe loading="lazy" width="100%" height="600" '
             f'srcdoc="{escape(view_page(motions), quote=True)}"></iframe></details>'
@@ -99,12 +98,12 @@ def cell(line: str, motions: Sequence[Motion], above: str = "") -> str:
 
 
 def plot(*motions: Motion) -> "Figure":
-    """Draw the paths and the momenta of motions of one scene side by side.
+    """Draw the paths and momenta of motions of one scene side by side.
 
     Parameters
     ----------
     *motions : Motion
-        The motions, such as the one by the equations and an engine's.
+        The motions, such as one computed with the equations and one simulated with an engine.
 
     Returns
     -------
@@ -122,39 +121,36 @@ def plot(*motions: Motion) -> "Figure":
     path, momentum = figure.subplots(1, 2)
     _draw_paths(path, motions)
     path.set_title("contact point")
-    for each, style in _styled(motions):
-        momentum.plot(each.times, each.momentum, **style)
+    for motion, style in _styled(motions):
+        momentum.plot(motion.times, motion.momentum, **style)
     for value, name in by_value(motions[0].momentum[0]).items():
-        momentum.annotate(
-            name, (1.0, value), xycoords=("axes fraction", "data"), xytext=(4, 0),
-            textcoords="offset points", va="center",
-        )  # fmt: skip
+        place = ("axes fraction", "data")
+        momentum.annotate(name, (1.0, value), (4, 0), place, "offset points", va="center")
     momentum.set(xlabel="time [s]", ylabel="M, world axes [kg m²/s]", title="momentum M")
     momentum.grid(alpha=0.3)
     return figure
 
 
 def register(shell: Any) -> None:
-    """Have the IPython shell of a notebook display scenes and motions as their cells."""
+    """Make a notebook's IPython shell display scenes and motions as cells."""
     html = shell.display_formatter.formatters["text/html"]
     html.for_type(Scene, scene_cell)
     html.for_type(Motion, _motion_cell)
 
 
 def _styled(motions: Sequence[Motion]) -> Iterator[tuple[Motion, dict[str, Any]]]:
-    """Yield each motion with the label, the colour and the style of its line."""
     from robotball.view.lines import line_looks
 
-    for each, look in zip(motions, line_looks(motions), strict=True):
+    for motion, look in zip(motions, line_looks(motions), strict=True):
         dash = (0, look.dash) if look.dash else "-"
-        yield each, {"label": look.label, "color": look.colour, "linestyle": dash}
+        yield motion, {"label": look.label, "color": look.colour, "linestyle": dash}
 
 
 def by_value(momentum: Array) -> dict[float, str]:
-    """Name the components of M (3,) by their values; those within a label's height share one."""
+    """Name the components of M (3,) by value; values too close for two labels share one."""
     groups: dict[float, str] = {}
     for value, name in zip(momentum.tolist(), ("X", "Y", "Z"), strict=True):
-        # A twentieth of the largest is the height of a label beside the axes.
+        # The height of a label beside the axes is about a twentieth of the largest value.
         near = [other for other in groups if abs(other - value) <= 0.05 * np.abs(momentum).max()]
         key = near[0] if near else value
         groups[key] = f"{groups[key]}, {name}" if near else name
@@ -162,12 +158,12 @@ def by_value(momentum: Array) -> dict[float, str]:
 
 
 def _figure(size: tuple[float, float]) -> "Figure":
-    """Return an empty figure of a size [inch] that a notebook displays without pyplot."""
+    """Return an empty figure [inch] that a notebook displays without pyplot."""
     from matplotlib.figure import Figure
 
-    # pyplot would keep every figure, and look for a window to show it in.
+    # pyplot would keep every figure, and open windows.
     class Picture(Figure):
-        """A figure with the method that notebooks look for."""
+        """A figure with the method that notebooks call."""
 
         def _repr_png_(self) -> bytes:
             return _png(self)
@@ -182,11 +178,10 @@ def _png(figure: "Figure", scale: int = 1) -> bytes:
 
 
 def _draw_paths(axes: "Axes", motions: Sequence[Motion]) -> None:
-    """Draw each motion's contact point; a legend names engines and settings of several."""
-    for i, (each, style) in enumerate(_styled(motions)):
-        # Motions that agree hide each other, so the first one is wide below the others.
+    for i, (motion, style) in enumerate(_styled(motions)):
+        # The first is drawn wider, because motions that agree cover each other.
         wide = 5.0 if i == 0 and len(motions) > 1 else 1.8
-        axes.plot(*each.contact_point.T, linewidth=wide, **style)
+        axes.plot(*motion.contact_point.T, linewidth=wide, **style)
     axes.set(xlabel="X [m]", ylabel="Y [m]")
     axes.set_aspect("equal", "datalim")
     axes.grid(alpha=0.3)

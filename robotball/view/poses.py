@@ -1,4 +1,4 @@
-"""Poses: where the bodies of a motion's ball are, and how they move, in world axes."""
+"""Poses and velocities of a ball's bodies in world axes, for every sample of a motion."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,11 @@ from robotball.rotations import Array, continuous, from_matrix, multiply, rotati
 
 @dataclass(frozen=True)
 class _Poses:
-    """A body's places and velocities at the n times of a motion, in world axes, SI units.
+    """Pose and velocity of a body at the n times of a motion, in world axes.
 
-    position, velocity  (n, 3)  of the centre of mass
-    attitude            (n, 4)  quaternion (w, x, y, z): how it is turned from where it is along
-                                with the frame's axes, at its hinge's angle 0
-    angular_velocity    (n, 3)
+    position, velocity (n, 3): of the centre of mass [m, m/s]; attitude (n, 4): quaternion
+    (w, x, y, z) relative to its orientation along the frame axes, at hinge angle 0;
+    angular_velocity (n, 3) [rad/s].
     """
 
     position: Array
@@ -25,7 +24,7 @@ class _Poses:
 
 
 def poses(motion: Motion) -> dict[str, _Poses]:
-    """Return the poses of every body of the motion's ball, by its name."""
+    """Return the poses of all bodies of the ball, keyed by name."""
     scene, angles = motion.scene, motion.hinge_angles
     states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
     to_world, radius = rotation_matrix(motion.attitude), scene.ball.radius

@@ -1,6 +1,6 @@
 """Interpolate motions at any times, and place the bodies of their balls there.
 
-Motions show themselves in notebooks by this module, and so are not imported by it.
+Not imported from `motion`, because motions are displayed in notebooks through this module.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -13,14 +13,14 @@ from scipy.spatial.transform import Rotation, Slerp
 from robotball.robot.mechanics import Robot
 from robotball.rotations import Array, rotation_matrix
 
-# Samples on each side of those in question: the influence on a cubic spline of one so far away is
-# below 1e-9.
+# Samples used on each side of the requested ones: the influence of a farther sample on a cubic
+# spline is below 1e-9.
 _MARGIN = 16
 
 
 @dataclass(frozen=True)
 class Moments:
-    """The part of a motion that a picture shows, at m times; fields as in Motion and its loads."""
+    """The parts of a motion that a picture shows, at m times; fields as in Motion and Loads."""
 
     contact_point: Array
     attitude: Array
@@ -31,15 +31,15 @@ class Moments:
     contact_force: Array
 
     def __getitem__(self, some: slice) -> "Moments":
-        """Return some of the times."""
-        return Moments(*(getattr(self, each.name)[some] for each in fields(Moments)))
+        """Return a subset of the times."""
+        return Moments(*(getattr(self, field.name)[some] for field in fields(Moments)))
 
 
 @dataclass(frozen=True)
 class Track:
-    """A motion interpolated at any times: attitude by slerp, the rest by cubic splines.
+    """A motion that can be interpolated: attitude by slerp, the rest with cubic splines.
 
-    names: of the robot's bodies. After its end it stands still.
+    names: of the robot's bodies. After its last sample the motion is at rest.
     """
 
     times: Array
@@ -49,7 +49,7 @@ class Track:
 
     @property
     def points(self) -> Array:
-        """The sampled contact points (n, 2) in radii."""
+        """Sampled contact points (n, 2) in radii."""
         return self.sampled.contact_point / self.robot.radius
 
     def at(self, times: Array) -> Moments:
@@ -58,7 +58,7 @@ class Track:
         first, last = np.searchsorted(self.times, inside[[0, -1]])
         samples = slice(max(first - _MARGIN, 0), last + _MARGIN + 1)
         known, here = self.times[samples], vars(self.sampled[samples]).copy()
-        # Splines of a quaternion's parts would leave the unit sphere.
+        # Splines of quaternion components would leave the unit sphere.
         attitude = Rotation.from_quat(here.pop("attitude"), scalar_first=True)
         return Moments(
             attitude=Slerp(known, attitude)(inside).as_quat(scalar_first=True),
@@ -70,7 +70,7 @@ class Track:
         return replace(self, times=times, sampled=self.at(times))
 
     def stands(self, then: Moments) -> dict[str, tuple[Array, Array]]:
-        """Return each body's rotation (m, 3, 3) and shift (m, 3) in radii."""
+        """Return each body's rotation matrix (m, 3, 3) and translation (m, 3) in radii."""
         to_world, radius = rotation_matrix(then.attitude), self.robot.radius
         centre = np.column_stack([then.contact_point / radius, np.ones(len(then.attitude))])
         turned, shifted = self.robot.moved(then.hinge_angles)
@@ -79,15 +79,15 @@ class Track:
 
 
 def track_of(motion: Any) -> Track:
-    """Return the track of a `Motion` of at least two times."""
-    own = {each.name for each in fields(Moments)} - {"contact_force", "momentum"}
+    """Return the track of a motion with at least two samples."""
+    names = {field.name for field in fields(Moments)} - {"contact_force", "momentum"}
     sampled = Moments(
-        **{name: getattr(motion, name) for name in own},
+        **{name: getattr(motion, name) for name in names},
         contact_force=motion.loads.contact_force,
-        momentum=np.nan_to_num(motion.momentum),  # where it is unknown it has no arrow
+        momentum=np.nan_to_num(motion.momentum),  # no arrow if unknown
     )
-    names = tuple(link.name for link in motion.scene.ball.tree)
-    return Track(motion.times, sampled, names, motion.scene.robot)
+    bodies = tuple(link.name for link in motion.scene.ball.tree)
+    return Track(motion.times, sampled, bodies, motion.scene.robot)
 
 
 def heading_of(points: Array) -> float:

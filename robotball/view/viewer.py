@@ -1,4 +1,4 @@
-"""Play balls in step in MuJoCo's interactive viewer, the last as a ghost."""
+"""Play motions simultaneously in MuJoCo's interactive viewer, the last one as a ghost."""
 
 import os
 import sys
@@ -17,13 +17,13 @@ from robotball.view.stage import build_stage, pose
 from robotball.view.tracks import track_of
 
 KEYS = "space: pause; left, right: half a second; up, down: twice or half the speed; home: start"
-SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW's codes
-_JUMP, _FRAME = 0.5, 1 / 60  # s; a window of 60 pictures a second is smooth on any screen
+SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW key codes
+_JUMP, _FRAME = 0.5, 1 / 60  # s: jump of an arrow key; period of the window's frames
 
 
 @dataclass
 class Clock:
-    """The time [s] and speed at which a motion is played, and how keys change them."""
+    """Playback time [s] and speed, controlled by keys."""
 
     end: float
     t: float = 0.0
@@ -31,7 +31,7 @@ class Clock:
     playing: bool = True
 
     def key(self, code: int) -> None:
-        """Apply a key of the viewer, by GLFW's code."""
+        """Apply a key of the viewer, given by its GLFW code."""
         if code == SPACE:
             self.playing = not self.playing
         elif code in (LEFT, RIGHT):
@@ -43,7 +43,7 @@ class Clock:
             self.t = 0.0
 
     def pass_on(self, seconds: float) -> None:
-        """Advance by real time [s]; after the end the motion begins anew."""
+        """Advance by real time [s]; after the end, restart from 0."""
         if self.playing:
             self.t += seconds * self.speed
             if self.t > self.end:
@@ -52,19 +52,19 @@ class Clock:
 
 def check_display() -> None:
     """Raise InputError if no window can be opened."""
-    no_display = "there is no display for a viewer here; --web writes a page for any browser"
+    no_display = "no display for a viewer; --web writes a page for any browser instead"
     if sys.platform == "linux" and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
         raise InputError(no_display)
-    # macOS opens windows in the main thread alone, which mjpython leaves to the viewer.
+    # macOS opens windows only in the main thread, which mjpython leaves to the viewer.
     if sys.platform == "darwin" and "mjpython" not in os.environ.get("MJPYTHON_BIN", ""):
-        raise InputError("on macOS a viewer needs mjpython in place of python; or take --web")
+        raise InputError("on macOS the viewer needs mjpython instead of python; or use --web")
     import warnings
 
-    import glfw  # which only a window needs
+    import glfw  # late: only a window needs it
 
-    # The reason comes as a warning, beside the value that says that it failed.
+    # glfw reports the failure as the return value and as a warning.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if not glfw.init():
@@ -72,10 +72,7 @@ def check_display() -> None:
 
 
 def view(motions: Sequence[Motion]) -> None:
-    """Show motions of a scene until the window is closed.
-
-    Raises InputError if there is no display.
-    """
+    """Show motions of a scene until the window is closed. Raises InputError without a display."""
     check_display()
     from mujoco import viewer
 
@@ -83,7 +80,7 @@ def view(motions: Sequence[Motion]) -> None:
     colours, opacities = colours_of(motions), [1.0] * (len(motions) - 1) + [GHOST]
     model = build_stage(looks, colours, opacities).compile()
     data = mujoco.MjData(model)
-    clock = Clock(max(float(each.times[-1]) for each in motions))
+    clock = Clock(max(float(motion.times[-1]) for motion in motions))
     before = time.monotonic()
     with viewer.launch_passive(
         model, data, key_callback=clock.key, show_left_ui=False, show_right_ui=False
@@ -95,11 +92,11 @@ def view(motions: Sequence[Motion]) -> None:
             before = now
             at = np.array([clock.t])
             stands = [track.stands(track.at(at)) for track in tracks]
-            # The viewer draws from the same data in a thread of its own.
+            # The viewer draws from the same data in another thread.
             with window.lock():
                 pose(model, data, looks, stands)
-                window.cam.lookat[:] = np.mean([each["shell"][1][0] for each in stands], axis=0)
-            place = mujoco.mjtFontScale.mjFONTSCALE_150, mujoco.mjtGridPos.mjGRID_TOPLEFT
-            window.set_texts((*place, f"t = {clock.t:.2f} s   {clock.speed:g} x", ""))
+                window.cam.lookat[:] = np.mean([ball["shell"][1][0] for ball in stands], axis=0)
+            corner = mujoco.mjtFontScale.mjFONTSCALE_150, mujoco.mjtGridPos.mjGRID_TOPLEFT
+            window.set_texts((*corner, f"t = {clock.t:.2f} s   {clock.speed:g} x", ""))
             window.sync()
             time.sleep(max(0.0, _FRAME - (time.monotonic() - now)))

@@ -1,4 +1,4 @@
-// A small WebGL 2 view of rolling balls: orbit, play, scrub. Called once for each view of a page.
+// WebGL 2 view of rolling balls: orbit, play, scrub. Called once per view.
 function rollingBalls(root) {
 "use strict";
 const data = JSON.parse(root.querySelector("[type='application/json']").textContent);
@@ -11,18 +11,18 @@ root.insertAdjacentHTML("beforeend", `
 <option value="0.1">0.1×</option><option value="0.25">0.25×</option><option value="0.5">0.5×</option>
 <option value="1" selected>1×</option><option value="2">2×</option><option value="4">4×</option>
 </select></label>
-<label><input type="checkbox" data-is="ghost"> one over the other</label>
+<label><input type="checkbox" data-is="ghost"> overlay the balls</label>
 </div>
 <div data-is="line"></div>
-<div class="rb-help">Drag to turn the view; a click and the wheel, or two fingers, to zoom.</div>
+<div class="rb-help">Drag to rotate; click and scroll, or pinch with two fingers, to zoom.</div>
 <div data-is="note"></div>`);
 const canvas = root.querySelector("canvas"), find = name => root.querySelector(`[data-is=${name}]`);
-canvas.setAttribute("aria-label", `${data.label} by ${data.balls.map(ball => ball.name).join(" and ")}`);
+canvas.setAttribute("aria-label", `${data.label}: ${data.balls.map(ball => ball.name).join(" and ")}`);
 find("note").textContent = data.note || "";
 const gl = canvas.getContext("webgl2", {alpha: false, antialias: true, stencil: true, preserveDrawingBuffer: true});
-if (!gl) { find("line").textContent = "This browser shows no WebGL 2, which the 3-D view needs."; return; }
+if (!gl) { find("line").textContent = "The 3-D view needs WebGL 2, which this browser does not support."; return; }
 
-// Data: rows of contact point x, y, attitude w, x, y, z, hinge angles; lengths in radii.
+// Rows of data: contact point x, y, attitude w, x, y, z, hinge angles; lengths in radii.
 const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
 const WIDTH = 6 + data.hinges, SUN = [-0.3, 0.4, -1], LANE = 1.45, TRAIL = 0.035;
 const balls = data.balls.map(ball => ({...ball, rows: floats(ball.rows)}));
@@ -53,8 +53,8 @@ const slerp = (a, b, u) => {
 const product = (a, b) => Array.from({length: 16}, (_, i) =>
   [0, 1, 2, 3].reduce((s, k) => s + a[4*k + i%4] * b[4*(i>>2) + k], 0));
 
-// Triangles of a shape: [x, y, z, nx, ny, nz] a corner, about z.
-function turned(profile, steps) { // a closed curve of [r, z, nr, nz] turned about z
+// Triangles of a shape, rotated about z: [x, y, z, nx, ny, nz] per corner.
+function turned(profile, steps) { // a profile curve of [r, z, nr, nz]
   const out = [], corner = ([r, z, nr, nz], k) => {
     const a = 2 * Math.PI * k / steps, c = Math.cos(a), s = Math.sin(a);
     out.push(r*c, r*s, z, nr*c, nr*s, nz);
@@ -79,7 +79,7 @@ const HALF = Math.PI / 2, SHAPES = {
     }
     return out;
   },
-  mesh: (size, [vertices, faces]) => { // each triangle has its own normal
+  mesh: (size, [vertices, faces]) => { // flat shading: one normal per triangle
     const at = floats(vertices), out = [], numbers = floats(faces);
     for (let i = 0; i < numbers.length; i += 3) {
       const [a, b, c] = [0, 1, 2].map(k => size.map((s, j) => s * at[3 * numbers[i + k] + j]));
@@ -128,7 +128,7 @@ for (const ball of balls) {
   ball.trail = buffer(strip);
 }
 
-// How the light on a surface is computed. Floor and paths average their own edges over a pixel.
+// Shading by kind of surface. Floor and paths antialias their edges in the shader.
 const KINDS = ["LIT", "FLOOR", "GLASS", "SHADOW", "PATH"];
 const HEAD = "#version 300 es\nprecision highp float;\nprecision highp int;\n"
   + KINDS.map((name, i) => `#define ${name} ${i}\n`).join("");
@@ -192,15 +192,15 @@ function draw(mesh, kind, place, colour, mode = gl.TRIANGLES, count = mesh.count
   gl.uniform4fv(uniform.colour, colour); gl.bindVertexArray(mesh.array); gl.drawArrays(mode, 0, count);
 }
 
-const clear = part => data.materials[part.material][3] < .3; // the shell, and what hides the inside
+const clear = part => data.materials[part.material][3] < .3; // the shell and other transparent parts
 
-// What the reader chooses.
+// State of the controls.
 const dark = matchMedia("(prefers-color-scheme: dark)"), still = matchMedia("(prefers-reduced-motion: reduce)");
 const state = {t: 0, playing: !still.matches, speed: 1, ghost: false, arm: data.heading + Math.PI, up: 0.42, far: 8.5};
 const bar = find("time");
 bar.max = end;
 
-function pose(ball, t) { // the row of a ball at a time
+function pose(ball, t) { // interpolated row of a ball at time t
   const x = Math.min(t / data.step, ball.count - 1), i = Math.min(Math.floor(x), Math.max(ball.count - 2, 0)), u = x - i;
   const a = Array.from(ball.rows.subarray(i * WIDTH, (i + 1) * WIDTH));
   const b = ball.count > 1 ? Array.from(ball.rows.subarray((i + 1) * WIDTH, (i + 2) * WIDTH)) : a;
@@ -208,7 +208,7 @@ function pose(ball, t) { // the row of a ball at a time
   const rates = a.map((v, j) => (b[j] - v) / data.step).slice(6);
   return {x: mixed[0], y: mixed[1], frame, angles: mixed.slice(6), rates, row: i};
 }
-function placesOf(now, centre) { // each body's matrix
+function placesOf(now, centre) { // matrix of each body
   const stands = [], stand = i => stands[i] ||= stoodOn(bodies[i]);
   function stoodOn({parent, hinge, sign, slides, axis, pivot}) {
     if (parent < 0) return [now.frame, centre];
@@ -247,13 +247,13 @@ function frame() {
   const ground = placed([1, 0, 0, 0], [look[0], look[1], 0]);
   for (let i = 0; i < 12; i++) ground[i] *= 60;
   draw(floor, FLOOR, ground, [0, 0, 0, 1]);
-  gl.disable(gl.DEPTH_TEST); // shadows and paths lie on the floor
+  gl.disable(gl.DEPTH_TEST); // shadows and paths are drawn over the floor
   const drawn = balls.map((ball, i) => ({ball, now: nows[i], places: placesOf(nows[i], centres[i])}));
-  const each = (list, f) => list.forEach(one => bodies.forEach((body, j) => body.parts.forEach(part => f(one, part, one.places[j], body))));
+  const forEachPart = (list, f) => list.forEach(one => bodies.forEach((body, j) => body.parts.forEach(part => f(one, part, one.places[j], body))));
   gl.enable(gl.STENCIL_TEST); gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-  if (eye[2] > 0) for (const [level, glass] of [[0, true], [1, false]]) { // no pixel is darkened twice
+  if (eye[2] > 0) for (const [level, glass] of [[0, true], [1, false]]) { // the stencil keeps pixels from being darkened twice
     gl.stencilFunc(gl.GEQUAL, level, 255);
-    each(drawn, (one, part, place) => {
+    forEachPart(drawn, (one, part, place) => {
       if (clear(part) === glass && part.material !== "blur") draw(part.mesh, SHADOW, place, [0, 0, 0, glass ? .13 : .2]);
     });
   }
@@ -265,11 +265,11 @@ function frame() {
   drawn.forEach((one, i) => {
     const fast = turns(one.now), dim = state.ghost && theory && i === theory ? .35 : 1;
     bodies.forEach((body, j) => body.parts.forEach(part => {
-      const own = part.material === "shell" || part.material === "mark", [r, g, b, a] = data.materials[part.material];
+      const coloured = part.material === "shell" || part.material === "mark", [r, g, b, a] = data.materials[part.material];
       let alpha = a * dim;
       if (part.material === "spoke") alpha *= 1 - fast[j];
       if (part.material === "blur") alpha *= fast[j];
-      const job = [part.mesh, clear(part) ? GLASS : LIT, one.places[j], [...(own ? one.ball.colour : [r, g, b]), alpha]];
+      const job = [part.mesh, clear(part) ? GLASS : LIT, one.places[j], [...(coloured ? one.ball.colour : [r, g, b]), alpha]];
       if (alpha > .99) draw(...job); else if (alpha > .01) glassy.push(job);
     }));
   });
@@ -278,7 +278,7 @@ function frame() {
   gl.disable(gl.CULL_FACE); gl.depthMask(true);
 
   const taken = [], stage = find("stage");
-  centres.forEach((centre, i) => { // names under the balls, in the page's own letters, none over another
+  centres.forEach((centre, i) => { // names below the balls, as HTML, without overlaps
     const gap = apart[i][Math.min(Math.round(state.t / data.step), apart[i].length - 1)], label = labels[i];
     label.textContent = balls[i].name + (i < theory ? `\n${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toPrecision(3)} m off` : "");
     const p = [centre[0], centre[1], -.15], clip = [0, 1, 3].map(k => view[k]*p[0] + view[4+k]*p[1] + view[8+k]*p[2] + view[12+k]);
@@ -292,7 +292,7 @@ function frame() {
   });
   bar.value = state.t;
   find("line").textContent = `t = ${state.t.toFixed(2)} s`
-    + (balls.some(ball => state.t > (ball.count - .5) * data.step && ball.count < data.count) ? " · a run has broken off" : "");
+    + (balls.some(ball => state.t > (ball.count - .5) * data.step && ball.count < data.count) ? " · a run ended early" : "");
   find("play").textContent = state.playing ? "Pause" : "Play";
   root.dataset.drawn = state.t;
 }

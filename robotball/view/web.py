@@ -1,4 +1,4 @@
-"""Write motions as a web page with a 3-D view to orbit, play and scrub, without a network."""
+"""Write motions as a self-contained web page with a 3-D view to orbit, play and scrub."""
 
 import html
 from base64 import b64encode
@@ -20,27 +20,27 @@ from robotball.view.tracks import heading_of, track_of
 
 _HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view
-MOST = 20_000  # samples, which keep a page to some megabytes
-_MESHES = 60_000  # triangles, which are less than two
+MOST = 20_000  # samples, to keep a page below some megabytes
+_MESHES = 60_000  # triangles of all meshes, less than two megabytes
 
 
 def view_head() -> str:
-    """Return the style and script that the views of a page share; it stands once a page."""
+    """Return the style and script shared by all views of a page; include it once."""
     style, script = ((_HERE / f"web.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
     return f"<style>{style}</style>\n<script>{script}</script>"
 
 
 def view_fragment(motions: Sequence[Any]) -> str:
-    """Return HTML of a 3-D view of `Motion`s of a scene; put `view_head` before it.
+    """Return HTML of a 3-D view of motions of one scene; `view_head` must precede it.
 
-    The balls stand side by side, or the last is a ghost over the others. Motions longer than MOST
-    samples are cut there. Raises InputError for a motion of fewer than two times.
+    The balls are side by side, or the last is a ghost over the others. Longer motions are cut after
+    MOST samples. Raises InputError for a motion with fewer than two samples.
     """
     data = view_data(motions)
     shown, whole = data["end"], max(float(motion.times[-1]) for motion in motions)
     if shown < whole * (1 - 1e-9):
-        data["note"] = f"The first {shown:g} s of {whole:g} s are shown."
-    data["label"] = f"The rolling ball of {motions[0].scene.name}"
+        data["note"] = f"Showing the first {shown:g} s of {whole:g} s."
+    data["label"] = f"Rolling ball {motions[0].scene.name}"
     return (
         '<div class="rb-view">'
         f'<script type="application/json">{embedded_json(data)}</script><script>'
@@ -49,7 +49,7 @@ def view_fragment(motions: Sequence[Any]) -> str:
 
 
 def view_page(motions: Sequence[Any]) -> str:
-    """Return an HTML page with the view alone."""
+    """Return an HTML page with only the view."""
     title = html.escape(" ".join(motions[0].scene.title.split()))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -63,20 +63,19 @@ def view_page(motions: Sequence[Any]) -> str:
 
 
 def view_data(motions: Sequence[Any]) -> dict[str, Any]:
-    """Return the script's data: bodies, materials, and for each ball a row a sample.
+    """Return the data of the script: bodies, materials, and one row per sample for each ball.
 
-    All meshes together have at most _MESHES triangles. In larger meshes, corners that are near each
-    other are joined.
+    If all meshes together have more than _MESHES triangles, nearby corners are merged.
     """
     scene = motions[0].scene
     if min(len(motion.times) for motion in motions) < 2:
-        raise InputError("a view needs motions of two times at least")
+        raise InputError("a view needs motions with at least two samples")
     last = max(float(motion.times[-1]) for motion in motions)
-    # The samples are STEP apart, but for a motion that is shorter.
+    # Samples are STEP apart, or closer for a very short motion.
     step = min(STEP, last / 2)
     end = min(last, step * (MOST - 1))
     grid = step * np.arange(int(np.floor(end / step * (1 + 1e-9))) + 1)
-    parts = [track_of(each).at(grid[grid <= each.times[-1] * (1 + 1e-9)]) for each in motions]
+    parts = [track_of(motion).at(grid[grid <= motion.times[-1] * (1 + 1e-9)]) for motion in motions]
     ball, looks = scene.ball, looks_of(scene.ball)
     shared = min(len(part.attitude) for part in parts)
     rest = parts[-1].contact_point[:shared]
@@ -104,17 +103,17 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
 
 
 def _bodies(ball: Ball, looks: Looks) -> Iterator[dict[str, Any]]:
-    """Yield each body, with its shapes and the joint by which it stands on its parent, a number.
+    """Yield each body with its shapes and the joint to its parent, given by index.
 
-    A motion gives the attitude of the frame, so that the shell stands on the frame, and turns
-    backwards; without a frame it gives the shell's own.
+    Motions give the attitude of the frame, so the shell is a child of the frame and turns
+    backwards. Without a frame, motions give the attitude of the shell.
     """
     names, carrier = [link.name for link in ball.tree], int(ball.has_frame)
-    meshes = sum(each.kind == "mesh" for shapes in looks.values() for each in shapes)
+    meshes = sum(shape.kind == "mesh" for shapes in looks.values() for shape in shapes)
     for i, link in enumerate(ball.tree):
         joint, sign = (ball.tree[carrier], -1) if i < carrier else (link, 1)
         parent = carrier if i < carrier else names.index(link.parent or link.name)
-        marked = any(each.material == MARKS for each in looks[link.name])
+        marked = any(shape.material == MARKS for shape in looks[link.name])
         yield {
             "name": link.name,
             "parent": -1 if i == carrier else parent,
@@ -124,12 +123,12 @@ def _bodies(ball: Ball, looks: Looks) -> Iterator[dict[str, Any]]:
             "axis": (joint.axis / (ball.radius if joint.slides else 1)).tolist(),
             "pivot": (joint.pivot / ball.radius).tolist(),
             "marked": marked,
-            "shapes": [_json_tree(each, meshes) for each in looks[link.name]],
+            "shapes": [_json_tree(shape, meshes) for shape in looks[link.name]],
         }
 
 
 def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
-    """Return a shape as the script takes it, a mesh as one of so many."""
+    """Return a shape as the script needs it; meshes: their number, which share the triangles."""
     thin = shape.thinned(_MESHES // max(meshes, 1))
     return {
         "kind": shape.kind,
@@ -140,6 +139,8 @@ def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
 
 
 def _packed(numbers: NDArray[Any]) -> str:
-    """Encode numbers as little-endian 32-bit floats in base 64."""
-    # Seven digits are more than a picture shows, and half of the page.
+    """Encode numbers as base64 of little-endian 32-bit floats.
+
+    Seven digits are enough for a picture, and halve the page.
+    """
     return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

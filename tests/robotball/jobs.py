@@ -1,4 +1,4 @@
-"""Jobs for other processes, which import this file and so start in a moment."""
+"""Jobs for other processes, which import this file and so start quickly."""
 
 import os
 import sys
@@ -12,13 +12,13 @@ from robotball.processes import allowed
 
 
 def late(job: int) -> tuple[int, int, int]:
-    """The earlier of seven, the longer it takes; also its process and the threads allowed there."""
+    """Return the number, process and allowed threads; the first of seven jobs take longest."""
     time.sleep(0.02 * (7 - job))
     return job, os.getpid(), allowed()
 
 
 def faulty(job: int) -> int:
-    """Warns of job 1, refuses job 2, and ends its process at job 3."""
+    """Warn in job 1, refuse job 2, and end the process in job 3."""
     if job == 1:
         warn("job 1 is odd")
     if job == 2:
@@ -29,13 +29,13 @@ def faulty(job: int) -> int:
 
 
 def signalled(number: int) -> int:
-    """Send a signal to its own process."""
+    """Send a signal to this process."""
     os.kill(os.getpid(), number)
     return number
 
 
 def half_written(folder: Path, job: int) -> None:
-    """Job 0 goes on writing a file; job 1 finds the disk full as soon as it has begun."""
+    """Job 0 keeps writing a file; job 1 finds the disk full at once."""
     if job == 0:
         with replacing(folder / "picture.png") as temporary:
             temporary.write_bytes(b"half of a picture")
@@ -46,12 +46,12 @@ def half_written(folder: Path, job: int) -> None:
 
 
 def known(module: str) -> bool:
-    """Whether a module is imported already."""
+    """Return whether a module is already imported."""
     return module in sys.modules
 
 
 class Parcel:
-    """A job that counts how often it is pickled, if it can be."""
+    """A job that counts how often it is pickled, and may refuse to be."""
 
     def __init__(self, number: int, can: bool) -> None:
         self.number, self.can, self.times = number, can, 0
@@ -64,5 +64,5 @@ class Parcel:
 
 
 def opened(parcel: Parcel) -> tuple[int, int]:
-    """Its number, and the process."""
+    """Return the job's number and the process."""
     return parcel.number, os.getpid()

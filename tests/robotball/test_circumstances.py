@@ -1,4 +1,4 @@
-"""Logs with a circumstance that the fit does not know of, such as a clock that is late."""
+"""Logs with a circumstance that the fit does not model, such as a late clock."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -16,22 +16,26 @@ from robotball.rotations import multiply, rotation_matrix, turned
 
 Change = Callable[[np.ndarray], np.ndarray]
 NOISE = {
-    "position": 1e-3, "attitude": 1e-2, "gyro": 2e-2, "frame_angle": 5e-3,
-    "frame_torque": 5e-3, "pendulum1_angle": 5e-3,
-}  # fmt: skip
+    "position": 1e-3,
+    "attitude": 1e-2,
+    "gyro": 2e-2,
+    "frame_angle": 5e-3,
+    "frame_torque": 5e-3,
+    "pendulum1_angle": 5e-3,
+}
 TIMES = rb.sample_times(3.0, 1 / 25)
 
 
 @cache
 def driven(robot: str, delay: float) -> Motion:
-    """The motion of a robot with the commands of its scene, sampled, and so late."""
+    """Return the sampled motion of a robot under its scene's commands, delayed."""
     scene = rb.load_scene(robot)
     commands = {name: held(t + delay, v) for name, (t, v) in commands_of(scene).items()}
     return rb.integrate(scene.with_hinges(command=commands), TIMES, 1e-12)
 
 
 def commands_of(scene: rb.Scene) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """The commands of a scene's motors as a log has them, each rounded and held for 0.1 s."""
+    """Return a scene's motor commands as a log has them, each rounded and held for 0.1 s."""
     times = np.arange(0.0, TIMES[-1], 0.1)
     return {
         hinge.name: (times, np.round(hinge.command.rate(times), 2))
@@ -41,7 +45,7 @@ def commands_of(scene: rb.Scene) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def read(motion: Motion, name: str) -> np.ndarray:
-    """The readings of a sensor without noise."""
+    """Return the readings of a sensor without noise."""
     hinges = [hinge.name for hinge in motion.scene.hinges]
     if name in ("position", "attitude", "gyro"):
         values = (motion.contact_point, motion.attitude, motion.angular_velocity)
@@ -54,7 +58,7 @@ def read(motion: Motion, name: str) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Planted:
-    """A log with one circumstance, and what a line may call it."""
+    """A log with one circumstance, and the names by which a line may report it."""
 
     names: tuple[str, ...]
     robot: str = "pendulum_robot"
@@ -66,7 +70,7 @@ class Planted:
     marker: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def log(self, seed: int) -> rb.Log:
-        """The log, with noise."""
+        """Return the log, with noise."""
         scene, rng = rb.load_scene(self.robot), np.random.default_rng(seed)
         motion = (
             rb.integrate(scene, TIMES, 1e-12)
@@ -94,7 +98,7 @@ CLOCK = ("sensors.clock",)
 
 
 def yaw(angle: float) -> tuple[Change, Change]:
-    """What a yaw of the world makes of positions, and of attitudes."""
+    """Return the change of positions and attitudes by a yaw of the world."""
     q = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
     return (
         lambda v: v @ rotation_matrix(q)[:2, :2].T,
@@ -155,25 +159,28 @@ PLANTED: Mapping[str, Planted] = {
 
 
 def fitted(planted: Planted, seed: int = 0, also: tuple[str, ...] = ()) -> tuple[rb.Fit, float]:
-    """The fit of a log, and how many deviations the worst of its numbers is off."""
+    """Return the fit of a log, and its largest error in deviations."""
     noise = {name: NOISE[name] for name in planted.sensors}
     found = rb.fit(
         planted.robot, [planted.log(seed)], planted.free, circumstances=also, noise=noise
     )
     known = numbers_of(planted.robot).known
-    off = [abs(each.value - known[each.name].value) / each.deviation for each in found.found]
+    off = [
+        abs(estimate.value - known[estimate.name].value) / estimate.deviation
+        for estimate in found.found
+    ]
     return found, max(off)
 
 
 def named(found: rb.Fit, names: tuple[str, ...]) -> list[str]:
-    """The lines that name one of the circumstances."""
+    """Return the lines that name one of the circumstances."""
     return [line for line in found.influences if any(name in line for name in names)]
 
 
 @pytest.mark.study
 @pytest.mark.parametrize("case", PLANTED)
-def test_no_log_is_explained_by_a_wrong_number_without_a_line(case: str) -> None:
-    """Either it is not explained, or the numbers are right, or a line names what was planted."""
+def test_a_wrong_number_is_always_accompanied_by_a_report(case: str) -> None:
+    """The log is not explained, the numbers are right, or a line names the planted circumstance."""
     found, off = fitted(PLANTED[case])
     assert not found.explains or off < 3 or named(found, PLANTED[case].names)
 
@@ -182,8 +189,8 @@ LATE = PLANTED["a clock 10 ms late, another robot"]
 
 
 @pytest.mark.slow
-def test_a_late_clock_that_the_readings_show_is_named_with_its_amount() -> None:
-    """The gain is 35 deviations off, and explained; with the clock it is the true one."""
+def test_a_late_clock_visible_in_the_readings_is_reported_with_its_amount() -> None:
+    """The gain is 35 deviations off in an explained log; with the clock freed it is correct."""
     found, off = fitted(LATE)
     assert found.explains
     assert off > 20  # measured 35
@@ -191,44 +198,44 @@ def test_a_late_clock_that_the_readings_show_is_named_with_its_amount() -> None:
     assert line.startswith("run.csv: sensors.clock seems to be ")
     assert line.endswith("add --also sensors.clock")
     amount, deviation, _, gain, _ = map(float, re.findall(r"\d[\d.e-]*", line))
-    # Measured 0.010 ± 0.001 s, with which the gain is 0.3993, where 0.3785 was found.
+    # Measured 0.010 ± 0.001 s, which changes the gain from 0.3785 to 0.3993.
     assert abs(amount - 0.01) < 3 * deviation < 0.004
     assert abs(gain - 0.4) < 0.005
 
 
 @pytest.mark.slow
-def test_a_late_clock_that_the_readings_do_not_exclude_is_named() -> None:
-    """Of the gain, 18 deviations off, the log alone cannot tell whether the clock is the cause."""
+def test_a_late_clock_that_the_readings_do_not_exclude_is_reported() -> None:
+    """The gain is 18 deviations off; the log alone cannot show whether the clock is the cause."""
     found, off = fitted(PLANTED["a clock 10 ms late"])
     assert found.explains
     assert off > 10  # measured 18
     (line,) = named(found, CLOCK)
-    assert "sensors.clock is taken as 0, but may be " in line
+    assert "sensors.clock is assumed 0, but may be " in line
     assert line.endswith("measure it, or add --also sensors.clock")
     amount, change, *_ = map(float, re.findall(r"\d[\d.e-]*", line.partition("be ")[2]))
     # Measured 0.017 s and 0.033; the gain is 0.0217 off.
     assert 0.01 < amount <= 0.02
     assert change > abs(found.found[0].value - 0.4)
-    # A bias of the gyro is plausible, and the readings exclude one that would matter.
+    # A gyro bias is plausible, but the readings exclude one large enough to matter.
     assert not named(found, ("gyro.bias", "world.yaw", "world.origin"))
 
 
 @pytest.mark.slow
-def test_a_freed_clock_makes_the_numbers_right() -> None:
-    """The first reading, before the start of the motion, is explained too."""
+def test_freeing_the_clock_corrects_the_numbers() -> None:
+    """The first reading, before the start of the motion, is explained, too."""
     found, off = fitted(PLANTED["a clock 10 ms late"], also=CLOCK)
     assert found.explains
-    assert off < 3  # measured 0.1, of a deviation that is six times as large
+    assert off < 3  # measured 0.1, with a deviation six times as large
     (clock,) = found.of_logs
     assert abs(clock.value - 0.01) < 3 * clock.deviation  # measured 0.2
     assert clock.deviation < 0.005  # measured 0.0033
 
 
 @pytest.mark.slow
-def test_the_origin_of_a_capture_is_no_evidence() -> None:
-    """It is found with the start: the gain is the same from another origin."""
+def test_the_origin_of_a_motion_capture_does_not_affect_the_gain() -> None:
+    """It is fitted with the start: the gain is the same with another origin."""
     robot = Planted(("world.origin",))
     moved = Planted(("world.origin",), change={"position": lambda v: v + np.array([0.3, -0.2])})
     first, second = fitted(robot)[0].found[0], fitted(moved)[0].found[0]
-    # Measured 2e-5 of the deviation; where the fit stops is the error.
+    # Measured 2e-5 of the deviation, the fit's stopping tolerance.
     assert abs(first.value - second.value) < 0.01 * first.deviation

@@ -1,6 +1,4 @@
-"""The errors of a motion; long ones are made and measured in pieces: the same numbers, in the
-memory of the result.
-"""
+"""Errors of a motion; processing long motions in pieces changes no number and saves memory."""
 
 import tracemalloc
 from collections.abc import Callable
@@ -26,10 +24,10 @@ MEASURES = (path_error, attitude_error, gamma_error, momentum_error)
     ("axis", "angle", "of_gamma"),
     [([0.0, 0.0, 1.0], 0.2, 0.0), ([0.6, 0.8, 0.0], 0.3, 0.3), ([0.0, 1.0, 0.0], 2 * np.pi, 0.0)],
 )
-def test_each_error_has_its_own_scale(axis: list[float], angle: float, of_gamma: float) -> None:
-    """Metres over the path's length, radians of frame and vertical, and M over its size, 5.
+def test_each_error_has_its_scale(axis: list[float], angle: float, of_gamma: float) -> None:
+    """Metres over the path length, radians for frame and vertical, and M over its magnitude, 5.
 
-    At the motion's own times, which are every other one of the reference's.
+    At the motion's times, every other sample of the reference.
     """
     theory = rb.integrate(FIG12, np.linspace(0.0, 2.0, 21))
     turn = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))])
@@ -54,17 +52,17 @@ def arrays(motion: rb.Motion) -> dict[Any, Array]:
 
 
 @pytest.mark.parametrize("scene", ["classical_regular", "wobbling_drive"])
-def test_pieces_change_no_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compared are both motions, with all loads and reports, and every measure of the two.
+def test_pieces_do_not_change_a_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compares both motions with all loads and reports, and every error of the two.
 
-    Sizes are multiples of the four numbers that BLAS adds at once.
+    Piece sizes are multiples of the four numbers that BLAS adds at once.
     """
     of, times, found = rb.load_scene(scene), rb.sample_times(2.0), []
     for size in (PIECE, 32):
         monkeypatch.setattr(robotball.motion, "PIECE", size)
         monkeypatch.setattr(stepping, "_LOOK", size)
         theory, motion = rb.integrate(of, times), rb.simulate(of, times, settings="fast")
-        measures = {each.__name__: np.array(each(motion, theory)) for each in MEASURES}
+        measures = {measure.__name__: np.array(measure(motion, theory)) for measure in MEASURES}
         found.append([arrays(theory), arrays(motion), measures])
     for whole, parts in zip(*found, strict=True):
         assert whole.keys() == parts.keys()
@@ -72,19 +70,21 @@ def test_pieces_change_no_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> No
             assert np.array_equal(values, parts[name]), name
 
 
-def test_a_run_that_breaks_off_has_its_first_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As many times as it has rows, in every array."""
+def test_a_run_that_ends_early_keeps_its_first_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every array has as many rows as there are times."""
     monkeypatch.setattr(stepping, "_LOOK", 4)
     slippery = replace(rb.preset("fast"), sliding_friction=0.6)
     stopped = rb.simulate(FIG12, settings=slippery)
-    assert 4 < len(stopped.times) < len(FIG12.times)  # it slips at 0.12 s
-    assert {len(each) for each in arrays(stopped).values()} == {len(stopped.times)}
+    assert 4 < len(stopped.times) < len(FIG12.times)  # slips at 0.12 s
+    assert {len(array) for array in arrays(stopped).values()} == {len(stopped.times)}
 
 
-def test_a_long_motion_takes_little_more_than_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """50 000 samples of 184 bytes each: made in 301 bytes, measured in 14 and 22.
+def test_a_long_motion_needs_little_more_memory_than_its_result(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """50 000 samples of 184 bytes: 301 bytes each to compute, 14 and 22 to compare.
 
-    Without pieces it was 552, 80 and 96; a piece of 8192 samples is the rest here.
+    Without pieces it was 552, 80 and 96; the rest is one piece of 8192 samples.
     """
     count = 50_000
     monkeypatch.setattr(robotball.motion, "PIECE", 8192)
@@ -92,7 +92,7 @@ def test_a_long_motion_takes_little_more_than_it_holds(monkeypatch: pytest.Monke
     states = np.random.default_rng(0).normal(size=(count, 6))
 
     def peak_of(work: Callable[[], object]) -> int:
-        """The most that some work has allocated at once [bytes], its result included."""
+        """Return the peak allocation of some work [bytes], including its result."""
         tracemalloc.start()
         kept = work()
         _, peak = tracemalloc.get_traced_memory()
@@ -101,7 +101,7 @@ def test_a_long_motion_takes_little_more_than_it_holds(monkeypatch: pytest.Monke
         return peak
 
     motion = motion_of(FIG12, times, states)
-    assert sum(each.nbytes for each in arrays(motion).values()) == 184 * count
+    assert sum(array.nbytes for array in arrays(motion).values()) == 184 * count
     assert peak_of(lambda: motion_of(FIG12, times, states)) < 350 * count
     assert peak_of(lambda: gamma_error(motion, motion)) < 20 * count
     assert peak_of(lambda: attitude_error(motion, motion)) < 30 * count

@@ -1,6 +1,7 @@
-"""Work on several cores: everything once, in order, and no more cores than are allowed.
+"""Parallel work: every job once, in order, and on no more cores than allowed.
 
-In threads the same digits; in processes its errors and warnings, and gone with who asked for it.
+Threads give the same digits at any number; processes pass on errors and warnings, and end with
+their caller.
 """
 
 import os
@@ -32,7 +33,7 @@ STARTS = section_starts(GENERATOR.uniform(-4, 4, 13), GENERATOR.uniform(0, 6, 13
 
 
 def mark(queue: Any, done: Any) -> None:
-    """Count what is taken from a queue."""
+    """Count the jobs taken from a queue."""
     i = take(queue)
     while i < len(done):
         done[i] += 1
@@ -43,8 +44,8 @@ compiled_mark = numba.njit(nogil=True)(mark)
 
 
 @pytest.mark.parametrize("threads", [1, 7])
-def test_every_motion_is_done_once(threads: int) -> None:
-    """A million are taken as fast as can be; a plain counter gives some of them twice."""
+def test_every_job_is_taken_once(threads: int) -> None:
+    """A million, as fast as possible; a plain counter gives some of them twice."""
     done = np.zeros(1_000_000, np.int64)
     with at_most(threads):
         in_threads(lambda queue: compiled_mark(queue, done), 100)
@@ -52,8 +53,8 @@ def test_every_motion_is_done_once(threads: int) -> None:
 
 
 @pytest.mark.parametrize(("most", "at_once"), [(12, 3), (2, 2), (1, 1)])
-def test_as_many_threads_work_at_once_as_are_allowed_and_of_use(most: int, at_once: int) -> None:
-    """They wait for each other, which fewer could not; and within one there is no other."""
+def test_as_many_threads_run_as_are_allowed_and_useful(most: int, at_once: int) -> None:
+    """They wait for each other, so fewer would block; inside one, no further threads start."""
     meeting = threading.Barrier(at_once, timeout=60.0)
     inside = []
 
@@ -73,12 +74,12 @@ def test_as_many_threads_work_at_once_as_are_allowed_and_of_use(most: int, at_on
         lambda: vars(sections_of(BALL, *STARTS, 3)).values(),
         lambda: [exponents_of(BALL, *STARTS, 20.0, 10.0).largest],
         lambda: [basins(BALL, *STARTS, 30.0).labels],
-        lambda: [each.gamma for each in limit_cycles(load_scene("fig07").parameters)],
+        lambda: [cycle.gamma for cycle in limit_cycles(load_scene("fig07").parameters)],
     ],
     ids=["orbits", "section", "exponents", "basins", "limit cycles"],
 )
 def test_the_digits_are_the_same_at_any_number_of_threads(work: Callable[[], Any]) -> None:
-    """13 starts, of which the last leave lanes empty: to the last bit."""
+    """13 starts, so the last lanes are empty; compared to the last bit."""
     found = []
     for count in (1, 3, 16):
         with at_most(count):
@@ -89,8 +90,8 @@ def test_the_digits_are_the_same_at_any_number_of_threads(work: Callable[[], Any
             assert np.array_equal(one, same, equal_nan=True)
 
 
-def test_an_error_in_a_thread_is_the_callers_and_ends_the_others() -> None:
-    """With its own words; the other takes numbers as long as there are some."""
+def test_an_error_in_a_thread_is_raised_and_ends_the_others() -> None:
+    """With its message; the other thread would take numbers without end."""
     begun = threading.Event()
 
     def work(queue: Queue) -> None:
@@ -110,7 +111,7 @@ def test_an_error_in_a_thread_is_the_callers_and_ends_the_others() -> None:
 
 @pytest.mark.parametrize(("most", "least", "count"), [(2, 2, 2), (1, 2, 1), (4, 8, 1)])
 def test_results_come_in_the_order_of_the_jobs(most: int, least: int, count: int) -> None:
-    """From so many processes of one thread each; one, or one for too few jobs, is this one."""
+    """From processes with one thread each, or from this process if there are few jobs."""
     with at_most(most):
         found = list(in_processes(late, range(7), least))
     assert [job for job, _, _ in found] == list(range(7))
@@ -121,37 +122,37 @@ def test_results_come_in_the_order_of_the_jobs(most: int, least: int, count: int
 
 
 @pytest.mark.parametrize("most", [1, 2])
-def test_warnings_and_errors_are_the_callers(most: int) -> None:
-    """With their own words, wherever the work is done; a process that dies ends the work."""
+def test_warnings_and_errors_are_passed_to_the_caller(most: int) -> None:
+    """With their messages, in any number of processes; a dead process raises ChildProcessError."""
     with at_most(most), pytest.warns(SceneWarning, match="job 1 is odd"):
         assert list(in_processes(faulty, [0, 1, 4])) == [0, 1, 4]
     with at_most(most), pytest.raises(InputError, match="job 2 cannot be done"):
         list(in_processes(faulty, [0, 2, 4]))
     if most > 1:
-        with at_most(most), pytest.raises(ChildProcessError, match="ended from outside"):
+        with at_most(most), pytest.raises(ChildProcessError, match="killed from outside"):
             list(in_processes(faulty, [3, 3]))
 
 
 @pytest.mark.parametrize("can", [True, False])
 def test_jobs_that_cannot_be_pickled_are_done_here(can: bool) -> None:
-    """All of them, if one cannot; where all can, each is pickled once."""
+    """All of them if one cannot be pickled; otherwise each is pickled once."""
     jobs = [Parcel(0, True), Parcel(1, can)]
     with at_most(2):
         found = [*in_processes(opened, jobs, or_here=True)]
     assert [number for number, _ in found] == [0, 1]
     assert {process == os.getpid() for _, process in found} == {not can}
-    assert [each.times for each in jobs] == [1, 1]
+    assert [job.times for job in jobs] == [1, 1]
 
 
-def test_processes_leave_the_signals_of_a_terminal_to_the_caller() -> None:
-    """Ctrl-C and a closed terminal are sent to them too. The caller ends them, and cleans up."""
+def test_processes_leave_terminal_signals_to_the_caller() -> None:
+    """Ctrl-C and a closed terminal signal them, too; the caller ends them and cleans up."""
     jobs = [signal.SIGINT, signal.SIGHUP]
     with at_most(2):
         assert list(in_processes(signalled, jobs)) == jobs
 
 
-def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:
-    """As the disk that is full for one picture of a comparison ends the drawing of the other."""
+def test_a_terminated_process_leaves_no_partial_file(tmp_path: Path) -> None:
+    """For example, if the disk is full for one picture, the drawing of the other is ended."""
     with at_most(2), pytest.raises(InputError, match="No space left"):
         list(in_processes(partial(half_written, tmp_path), range(2)))
     assert list(tmp_path.iterdir()) == []
@@ -168,8 +169,8 @@ def main():
 
 
 @pytest.mark.parametrize("guarded", [True, False])
-def test_a_script_prepares_processes_below_its_guard(tmp_path: Path, guarded: bool) -> None:
-    """They alone import what is prepared; without the guard they would run the script for ever."""
+def test_a_guarded_script_can_prepare_processes(tmp_path: Path, guarded: bool) -> None:
+    """Processes import the prepared modules; without the guard they would run the script."""
     script = tmp_path / "script.py"
     script.write_text(SCRIPT + ("if __name__ == '__main__':\n    main()" if guarded else "main()"))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

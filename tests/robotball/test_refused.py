@@ -1,7 +1,7 @@
-"""Input that cannot be used is refused in one line, with the value, the limit and what to do.
+"""Invalid input is refused in one line, with the value, the limit and the remedy.
 
-Scenes, bodies, parts, starts, drives, motors, requests for a design, settings and counts, as they
-are given in Python; files are refused in tests/robotball/files.
+Scenes, bodies, parts, starts, drives, motors, design requests, settings and counts, as given in
+Python; files are tested in tests/robotball/files.
 """
 
 import math
@@ -33,19 +33,19 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class Jumping(OwnDrive):
-    """A drive that forgot a breakpoint."""
+    """A drive with an undeclared breakpoint."""
 
     def rate(self, t: float) -> float:
         return of_sine(t) + 2.0 * (t > 4)
 
 
 def run(rate: Any, end: float = 10.0) -> rb.Motion:
-    """Return the motion by the equations at a frame's rate."""
+    """Return the motion from the equations for a frame rate."""
     return rb.integrate(FIG12.with_hinges(command={"frame": rate}), np.array([0.0, end]))
 
 
 def body(name: str, **changes: Any) -> Ball:
-    """A ball with one body changed."""
+    """Return a ball with one body changed."""
     bodies: dict[str, Any] = {
         "shell": Shell(0.5, 2.0, axial_inertia=0.3, transverse_inertia=0.2, axis=UP),
         "frame": Frame(1.0, np.diag([0.1, 0.2, 0.25])),
@@ -56,7 +56,7 @@ def body(name: str, **changes: Any) -> Ball:
 
 
 def bob(pivot: Array) -> Hinge:
-    """A pendulum with this pivot."""
+    """Return a pendulum with this pivot."""
     return Hinge(rb.Pendulum(1.0, np.eye(3), UP, UP, pivot))
 
 
@@ -70,7 +70,7 @@ def start(**changes: Any) -> rb.Scene:
 
 
 def shaken(amplitude: float) -> rb.Scene:
-    """A balanced ball on a plane that moves up and down, by this acceleration [m/s²]."""
+    """Return a balanced ball on a plane with this vertical acceleration [m/s²]."""
     return replace(FIG12, plane_motion=(0.0, 0.0, rb.Sine(amplitude=amplitude, frequency=6.466)))
 
 
@@ -114,7 +114,7 @@ SCENES = {
     "replace(FIG12, gravity=-9.81)": "gravity -9.81~m/s²",
     "replace(FIG12, gravity_direction=(0.0, 0.6, 0.8))": "Z 0.8",
     "replace(FIG12, plane_motion=(0.0, 1.0))": "X Y Z (0.0,~1.0)",
-    # Over g by 1e-9 of it, for a moment in each period.
+    # Exceeds g by a relative 1e-9, for a moment in each period.
     "rb.integrate(shaken(9.81 * (1 + 1e-9)), np.array([0.0, 1.0]))":
         "plane 0.270645…~s",
     "rb.dm_environment(shaken(1.0))": "environment plane",
@@ -260,8 +260,10 @@ DESIGNS = {
 
 MODULES = (ball, designing, designs, drives, errors, motors, processes, random_robots, scene)
 OTHERS = {"Prescribed": Prescribed, "toml_of": toml_of, "write_model": write_model}
-NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | OTHERS | globals()
-# What is no number, time, name or path.
+NAMES = (
+    {name: value for module in MODULES for name, value in vars(module).items()} | OTHERS | globals()
+)
+# Not numbers, times, names or paths.
 PUBLIC = {
     **{
         f"rb.{function}(FIG12, times={value})": facts
@@ -300,7 +302,7 @@ def refusal(snippet: str) -> str:
 
 
 @pytest.mark.parametrize(("snippet", "facts"), ALL.items())
-def test_what_cannot_be_used_is_refused_in_one_line(snippet: str, facts: str) -> None:
+def test_invalid_input_is_refused_in_one_line(snippet: str, facts: str) -> None:
     """With the value and its limit."""
     message = refusal(snippet)
     assert unnamed(facts, message) == []
@@ -308,7 +310,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(snippet: str, facts: str) ->
     assert "\n" not in message
 
 
-REQUIRED = {each.name for each in fields(rb.Settings) if each.default is not None}
+REQUIRED = {field.name for field in fields(rb.Settings) if field.default is not None}
 ODD = [
     -np.inf, np.nan, -1e30, 1e300, 10**400, "x" * 4000, b"x", {}, object(), (1e300, 1e300),
     (np.nan,), np.array([]), np.array([1.0, 2.0, 3.0]), np.array(0.02),
@@ -319,9 +321,9 @@ def changed(**values: Any) -> rb.Settings:
     return replace(FAST, **values)
 
 
-@pytest.mark.parametrize("name", [each.name for each in fields(rb.Settings)])
-def test_a_setting_of_any_kind_fits_or_is_one_short_line(name: str) -> None:
-    """None too, where nothing is left open; no other error, now or in the run."""
+@pytest.mark.parametrize("name", [field.name for field in fields(rb.Settings)])
+def test_any_setting_is_accepted_or_refused_in_one_short_line(name: str) -> None:
+    """Including None; no other error is raised, neither now nor in the run."""
     for value in [*ODD, *([None] if name in REQUIRED else [])]:
         if name == "name" and isinstance(value, str):
             continue
@@ -330,8 +332,8 @@ def test_a_setting_of_any_kind_fits_or_is_one_short_line(name: str) -> None:
         assert len(str(refusal.value)) <= LONGEST_LINE
 
 
-def test_numbers_of_numpy_are_settings() -> None:
-    """They are kept as Python's own, which JSON takes."""
+def test_numbers_of_numpy_are_accepted_as_settings() -> None:
+    """They are stored as Python numbers, which JSON accepts."""
     given: dict[str, Any] = {
         "timestep": np.float64(0.01), "solref": np.array([0.04, 1.0]), "iterations": np.int64(3),
         "condim": 3.0, "sliding_friction": 10**30,
@@ -341,8 +343,8 @@ def test_numbers_of_numpy_are_settings() -> None:
     assert [type(plain[name]) for name in given] == [float, list, int, int, float]
 
 
-def test_a_message_is_short_however_long_its_parts_are() -> None:
-    """Its beginning and its end, which says what to do, stay."""
+def test_a_message_is_short_for_any_length_of_its_parts() -> None:
+    """Its start and its end, with the remedy, are kept."""
     key = "k" * 4000
     message = str(rb.InputError(f"{key}: unknown key; " + "name " * 1000 + "did you mean mass?"))
     assert len(message) <= LONGEST_LINE

@@ -1,4 +1,4 @@
-"""Quaternions: scipy's rotations and the formulas of equations.py agree, whatever the rotation."""
+"""Quaternions: scipy's rotations agree with the formulas of robot/formulas.py."""
 
 import numpy as np
 from hypothesis import given
@@ -23,8 +23,8 @@ quaternions = units(4)
 
 
 @given(p=quaternions, q=quaternions)
-def test_product_of_quaternions_is_that_of_their_rotations(p: Array, q: Array) -> None:
-    """R(p∘q) = R(p)R(q): first q, then p; and R(q*) = R(q)ᵀ. Alone or in stacks."""
+def test_a_product_of_quaternions_is_the_product_of_rotations(p: Array, q: Array) -> None:
+    """R(p∘q) = R(p)R(q), first q, then p; and R(q*) = R(q)ᵀ. For single ones and stacks."""
     product = multiply(p, q)
     assert gap(rotation_matrix(product), rotation_matrix(p) @ rotation_matrix(q)) < ROUNDING
     assert gap(eq.quaternion_product(tuple(p), tuple(q)), product) < ROUNDING
@@ -34,8 +34,8 @@ def test_product_of_quaternions_is_that_of_their_rotations(p: Array, q: Array) -
 
 
 @given(q=quaternions)
-def test_matrix_gives_its_quaternion_back(q: Array) -> None:
-    """from_matrix(R(q)) is q or -q, the one with w >= 0, also for half turns."""
+def test_from_matrix_inverts_rotation_matrix(q: Array) -> None:
+    """It returns q or -q, the one with w >= 0, also for half turns."""
     back = from_matrix(rotation_matrix(q))
     assert back[0] >= 0
     assert min(gap(back, q), gap(back, -q)) < ROUNDING
@@ -43,7 +43,7 @@ def test_matrix_gives_its_quaternion_back(q: Array) -> None:
 
 @given(q=quaternions, length=st.floats(0.1, 10.0))
 def test_rows_of_the_matrix_are_the_space_axes(q: Array, length: float) -> None:
-    """α, β, γ of equations.py, for a quaternion of any length, are the rows of scipy's matrix."""
+    """α, β, γ of robot/formulas.py, for any quaternion length, are the rows of scipy's matrix."""
     w, x, y, z = (length * q).tolist()
     axes, R = eq.space_axes((w, x, y, z)), rotation_matrix(q)
     assert gap(axes, R) < ROUNDING
@@ -51,8 +51,8 @@ def test_rows_of_the_matrix_are_the_space_axes(q: Array, length: float) -> None:
 
 
 @given(axis=units(), angle=st.floats(0.0, 3.1))
-def test_an_axis_is_laid_and_turned_about(axis: Array, angle: float) -> None:
-    """z is turned onto any axis, and a turn about it leaves it there, by the angle of the turn."""
+def test_z_along_rotates_z_onto_the_axis(axis: Array, angle: float) -> None:
+    """A rotation about the axis leaves it there, and has the angle of the rotation."""
     laid = z_along(axis)
     assert gap(rotation_matrix(laid)[:, 2], axis) < ROUNDING
     turn = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])

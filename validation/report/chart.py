@@ -13,7 +13,7 @@ import numpy as np
 
 from robotball.files.json_text import embedded_json
 from robotball.rotations import Array
-from robotball.view.lines import Look
+from robotball.view.lines import LineStyle
 
 from ..plots import LEAST, in_view
 
@@ -42,7 +42,7 @@ class Line:
         Whether the line ends too early, with a cross.
     """
 
-    look: Look
+    look: LineStyle
     x: Array
     y: Array
     times: Array | None = None

@@ -17,12 +17,12 @@ from robotball import InputError
 from robotball.engines.engine import request_of, run_request
 from robotball.files import MODEL_FILES
 from robotball.files.numbers import Numbers
-from robotball.fit.evidence import Found, SensorFit
+from robotball.fit.evidence import Estimate, SensorFit
 from robotball.fit.fitting import Fit as Fitted
 from robotball.fit.fitting import fit
 from robotball.fit.logs import read_log
 from robotball.fit.scene_numbers import numbers_of
-from robotball.view.lines import PRESET_LOOKS, Look
+from robotball.view.lines import PRESET_LOOKS, LineStyle
 
 from ..options import AGREES, DISAGREES
 from ..output import (
@@ -100,7 +100,7 @@ def _tells(found: Fitted) -> bool:
     return any(each.determined for each in found.found)
 
 
-def _numbers(found: Sequence[Found]) -> Iterator[list[str]]:
+def _numbers(found: Sequence[Estimate]) -> Iterator[list[str]]:
     for each in found:
         size = known(each.deviation)
         digits = 6 if not size else max(0, int(2 - np.floor(np.log10(size))))
@@ -175,7 +175,7 @@ def _residual_plot(sensor: SensorFit) -> str:
     colours = [colour for colour, _, _ in PRESET_LOOKS.values()]
     names = "xyz" if sensor.residuals.shape[1] > 1 else (sensor.name,)
     columns = [
-        Line(Look(name, colour), sensor.times, column / sensor.noise, width=0.8)
+        Line(LineStyle(name, colour), sensor.times, column / sensor.noise, width=0.8)
         for name, colour, column in zip(names, colours, sensor.residuals.T, strict=False)
     ]
     caption = f"{sensor.name} of {sensor.log}: readings less the model's, over the noise"
@@ -224,7 +224,7 @@ def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
     }
 
 
-def _plain(found: Found) -> dict[str, Any]:
+def _plain(found: Estimate) -> dict[str, Any]:
     return {name: known(v) if isinstance(v, float) else v for name, v in asdict(found).items()}
 
 

@@ -1,4 +1,4 @@
-"""Fig. 12's ball designed, and what a design is checked by: its numbers and its bodies."""
+"""Designs of Fig. 12's ball, and checks of a design's numbers and bodies."""
 
 import math
 from typing import Any
@@ -11,16 +11,16 @@ from robotball.robot.ball import shell_inertia
 from robotball.rotations import Array
 
 A12, OMEGA12, K12 = np.diag([0.7, 0.6, 0.8]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 2.0, 0.0])
-UNBUILDABLE = "can be simulated, not be built: mass would lie outside the shell"
+UNBUILDABLE = "can be simulated, but not built: mass would lie outside the shell"
 
 
 def fig12(**changes: Any) -> Design:
-    """The design of Fig. 12's ball, with other arguments."""
+    """Return a design for Fig. 12's numbers, with some arguments changed."""
     return design(**{"A": A12, "Omega": OMEGA12, "K": K12, "radius": 1.0, **changes})
 
 
 def error(made: Design, A: Array, Omega: Array, K: Array) -> float:
-    """The largest error of A, Ω and K: of A to A's size, of Ω to its own, of K to |K| + d|Ω|."""
+    """Return the largest relative error: of A, of Ω, and of K over |K| + d|Ω|."""
     ball = made.ball
     got_Omega = made.rates[0] * ball.shell.axis
     rates = np.array(made.rates)
@@ -35,7 +35,7 @@ def error(made: Design, A: Array, Omega: Array, K: Array) -> float:
 
 
 def check_bodies(made: Design, mass: float | None) -> None:
-    """The bodies are what a design says they are, and keep its limits; Ball checks the rest."""
+    """Assert that the bodies have the design's masses and radii and satisfy its limits."""
     ball, limits = made.ball, made.limits
     shell, thickness = ball.shell, limits.shell_thickness
     frame_radius, rotor_radius = limits.radii(ball.radius)
@@ -52,7 +52,7 @@ def check_bodies(made: Design, mass: float | None) -> None:
         assert rotor.axial_inertia <= rotor.mass * rotor_radius**2 * rounding
         assert rotor.transverse_inertia == rotor.axial_inertia / 2
         assert 0 < rate <= limits.rotor_speed * rounding
-    # The frame's mass as six points, pairs at c √(3/m), of equal distance from the centre.
+    # The frame's mass as six points, in pairs at distance c √(3/m) from the centre.
     second = np.trace(ball.frame.inertia) / 2 * np.eye(3) - ball.frame.inertia
     assert np.linalg.eigvalsh(second)[0] > 0
     assert made.reach == pytest.approx(math.sqrt(np.trace(second) / ball.frame.mass), rel=1e-12)

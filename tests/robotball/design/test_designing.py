@@ -1,4 +1,4 @@
-"""Bodies designed for the numbers of the equations, within limits, or refused with why."""
+"""Bodies are designed for requested A, Ω and K within limits, or refused with the reason."""
 
 import math
 import re
@@ -36,8 +36,8 @@ from tests.robotball.design.designs import (
 
 
 @pytest.mark.parametrize("name", ["fig12", "fig06", "fig10"])
-def test_a_paper_ball_has_its_numbers_and_is_built_where_it_can_be(name: str) -> None:
-    """By one rotor, to rounding: measured 2e-16; else the verdict has the frame's least radius."""
+def test_a_design_has_the_numbers_of_a_paper_ball_and_fits_if_possible(name: str) -> None:
+    """One rotor suffices; numbers agree to 2e-16. The verdict names a radius if it does not fit."""
     p = rb.load_scene(name).parameters
     made = design(p.A, p.Omega, p.K, p.a)
     check_bodies(made, None)
@@ -50,7 +50,7 @@ def test_a_paper_ball_has_its_numbers_and_is_built_where_it_can_be(name: str) ->
     assert made.verdict.startswith(UNBUILDABLE)
     b = 1 / np.array(p.A)
     radius = math.sqrt((3 * b.max() - b.sum()) / (b.sum() - 2 * b.max()))
-    # It is searched to four digits.
+    # The radius is computed to four digits.
     assert made.needed_radius == pytest.approx(radius, rel=3e-4)
     assert unnamed(f"radius {made.needed_radius:.4g}~m", made.verdict) == []
     assert made.needed_radius <= made.reach <= WIDER * made.needed_radius
@@ -69,8 +69,10 @@ def test_a_paper_ball_has_its_numbers_and_is_built_where_it_can_be(name: str) ->
         (None, Limits(rotor_speed=40, rotor_radius=0.9, frame_radius=0.97, shell_mass=0.02)),
     ],
 )
-def test_any_mass_and_limits_have_the_same_numbers(mass: float | None, limits: Limits) -> None:
-    """Any mass below 1.0119 kg will do for Fig. 12; from 0.8690 kg on it can be built."""
+def test_a_design_has_the_requested_numbers_for_any_mass_and_limits(
+    mass: float | None, limits: Limits
+) -> None:
+    """Fig. 12's ball exists for masses below 1.0119 kg, and fits from 0.8690 kg on."""
     made = fig12(mass=mass, limits=limits)
     check_bodies(made, mass)
     assert made.buildable is (mass is None or mass > 0.8692)
@@ -79,8 +81,8 @@ def test_any_mass_and_limits_have_the_same_numbers(mass: float | None, limits: L
         assert made.masses == pytest.approx((0.869048, 1.011905), abs=1e-6)
 
 
-def test_a_frame_too_small_is_told_what_it_needs() -> None:
-    """Fig. 12's frame cannot lie within 0.7 m, though within the shell."""
+def test_the_verdict_names_the_radius_that_a_frame_needs() -> None:
+    """Fig. 12's frame does not fit within 0.7 m, but within the shell."""
     small = Limits(frame_radius=0.7)
     made = fig12(limits=small)
     assert unnamed(f"built frame radius {made.needed_radius:.4g}~m", made.verdict) == []
@@ -88,7 +90,7 @@ def test_a_frame_too_small_is_told_what_it_needs() -> None:
         fig12(limits=replace(small, buildable=True))
     enough = replace(small, frame_radius=made.needed_radius * 1.001, buildable=True)
     assert fig12(limits=enough).buildable
-    # A shell that leaves 0.9 m, and a limit of 0.5 m, of which only the first cannot be changed.
+    # The shell leaves 0.9 m and cannot be changed; the limit of 0.5 m can.
     thick = replace(made, limits=Limits(shell_thickness=0.1, frame_radius=0.5))
     for radius, place in ((0.85, "frame's"), (0.95, "shell")):
         verdict = replace(thick, needed_radius=radius).verdict
@@ -96,7 +98,7 @@ def test_a_frame_too_small_is_told_what_it_needs() -> None:
 
 
 def test_a_description_lists_bodies_rates_and_the_verdict() -> None:
-    """A line for the ball, for each body, and for the verdict."""
+    """One line for the ball, for each body, and for the verdict."""
     made = fig12(limits=Limits(rotor_speed=18.5, rotor_radius=0.9, shell_thickness=0.001))
     lines = describe(made).splitlines()
     said = [f"mass {made.ball.mass:.6g} kg", "0.001 m thick", "2 rad/s", "ring of radius 0.9 m",
@@ -104,8 +106,8 @@ def test_a_description_lists_bodies_rates_and_the_verdict() -> None:
     assert [words in line for words, line in zip(said, lines, strict=True)] == [True] * 6
 
 
-def test_a_ball_whose_momentum_is_that_of_shell_and_mass_needs_no_rotor() -> None:
-    """K = -(J_s + d)Ω for some J_s and d, also where Ω = 0; a K beside it needs one."""
+def test_no_rotor_is_used_if_shell_and_mass_give_the_momentum() -> None:
+    """K = -(J_s + d)Ω for some J_s and d, also with Ω = 0. Another K needs one rotor."""
     made = fig12(K=(0.0, 0.0, -1.9))
     assert made.rates[1:] == ()
     assert made.ball.shell.axial_inertia + made.ball.d == pytest.approx(0.95, rel=1e-14)
@@ -119,8 +121,8 @@ def test_a_ball_whose_momentum_is_that_of_shell_and_mass_needs_no_rotor() -> Non
     assert len(fig12(Omega=(0, 0, 0)).ball.rotors) == 1
 
 
-def test_slower_rotors_are_heavier_and_at_last_two() -> None:
-    """Where one at the largest rate would break the frame's triangle inequality, two do not."""
+def test_slower_rotors_are_heavier_and_finally_two() -> None:
+    """One rotor at the speed limit would violate the frame's triangle inequality; two do not."""
     slow, slower = (
         fig12(limits=Limits(rotor_speed=speed, rotor_radius=0.9)) for speed in (19.5, 18.5)
     )
@@ -132,11 +134,12 @@ def test_slower_rotors_are_heavier_and_at_last_two() -> None:
         assert error(made, A12, OMEGA12, K12) < 1e-14
 
 
-def test_what_bodies_have_is_found_and_keeps_every_bound_by_the_margin() -> None:
-    """Each asks for the numbers of a ball made of points and rings, which can be built.
+def test_a_physical_ball_is_designed_with_every_bound_satisfied_by_the_margin() -> None:
+    """The numbers of a ball made of points and rings are requested.
 
-    One bound is kept by no more: of the frame's moments and mass, of its reach, or of the shell's
-    mass. Measured 5e-13 of the margin: rounding. Two rotors may weigh less than is allowed for.
+    At least one bound is satisfied by just the margin: frame's moments or mass, its radius, or the
+    shell's mass. Measured 5e-13 of the margin: rounding. Two rotors may weigh less than the bound
+    assumes.
     """
     rng, rotors = np.random.default_rng(3), set()
     for number in range(100):
@@ -152,7 +155,7 @@ def test_what_bodies_have_is_found_and_keeps_every_bound_by_the_margin() -> None
             rotor_speed=(1.01 if tight else 1.1) * max(map(abs, real.rates[1:]), default=1.0),
             shell_mass=light * ball.shell.mass,
             frame_mass=light * ball.frame.mass,
-            rotor_mass=light * min((each.mass for each in ball.rotors), default=0.0) / 4,
+            rotor_mass=light * min((rotor.mass for rotor in ball.rotors), default=0.0) / 4,
         )
         mass = None if number % 2 else ball.mass
         B = np.asarray(np.linalg.inv(ball.A), dtype=float)
@@ -160,14 +163,14 @@ def test_what_bodies_have_is_found_and_keeps_every_bound_by_the_margin() -> None
         made = design(ball.A, real.Omega, real.K, ball.radius, mass, limits)
         assert made.buildable
         check_bodies(made, mass)
-        # Measured 5e-16: rounding of one inverse and of sums of four bodies.
+        # Measured 5e-16: rounding of an inverse and of sums over four bodies.
         assert error(made, ball.A, real.Omega, real.K) < 1e-14
         found = share(request, request.frame_radius)
         assert found is not None
         trace, frame, axes = request.unit * ball.radius**2, made.ball.frame, found.axes
         spread = (np.trace(frame.inertia) * np.eye(3) - 2 * frame.inertia) / trace
         flat = np.sum(np.eye(3) - axes[:, :, None] * axes[:, None, :], axis=0)
-        # A single rotor takes a part of the margin for a slower rate, in each direction.
+        # A single rotor uses part of the margin for a lower rate, in each direction.
         slower = ROTOR_SHARE * found.margin * (len(axes) == 1)
         frame_mass = frame.mass / request.unit
         kept = [
@@ -179,15 +182,15 @@ def test_what_bodies_have_is_found_and_keeps_every_bound_by_the_margin() -> None
         rotors.add(len(axes))
         assert min(kept) >= found.margin * (1 - 1e-9)
         if len(axes) < 2:
-            # Where the mass is free the shell has just the margin, whatever the others have.
+            # If the mass is free, the shell has exactly the margin.
             assert min(kept[: 4 if mass else 3]) == pytest.approx(found.margin, rel=1e-11)
     assert rotors == {0, 1, 2}
 
 
-def test_two_rotors_share_the_inertia_as_well_as_they_can() -> None:
-    """No s and T near those that are found keep all bounds by more.
+def test_two_rotors_divide_the_inertia_optimally() -> None:
+    """No s and T near the solution has a larger margin.
 
-    Where T is searched in 2 rounds in place of 7, some do by 3.6e-5.
+    With 2 instead of 7 rounds of the search in T, some do, by 3.6e-5.
     """
     real = ring_ball(np.random.default_rng(0), 3)
     limits = Limits(rotor_speed=real.rates[1], rotor_radius=real.rotor_radius)
@@ -199,8 +202,8 @@ def test_two_rotors_share_the_inertia_as_well_as_they_can() -> None:
     assert kept.max() - margin < 1e-9
 
 
-def test_the_speed_that_a_refusal_names_is_enough() -> None:
-    """To four digits, and no less is."""
+def test_the_speed_named_in_a_refusal_suffices() -> None:
+    """It suffices to four digits, and a lower one does not."""
     slow = Limits(rotor_speed=5.0, rotor_radius=0.9, buildable=True)
     with pytest.raises(rb.InputError, match=naming("rotor 5~rad/s")) as refusal:
         fig12(limits=slow)
@@ -212,7 +215,7 @@ def test_the_speed_that_a_refusal_names_is_enough() -> None:
         fig12(limits=replace(slow, rotor_speed=speed * 0.999))
 
 
-# Eigenvalues of A⁻¹ [kg m²]: a body's with a = 2 m up to 0.75 kg, inside the shell from 0.55 kg on.
+# Eigenvalues of A⁻¹ [kg m²]. With a = 2 m: physical up to 0.75 kg, inside the shell from 0.55 kg.
 B = np.array([4.0, 3.6, 3.4])
 INFEASIBLE: dict[str, dict[str, Any]] = {
     "triangle eigenvalue 4.8~kg~m² 4.4~kg~m² 0.4~kg~m²":
@@ -227,14 +230,14 @@ INFEASIBLE: dict[str, dict[str, Any]] = {
         {"mass": 0.6, "limits": Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.2)},
     "shell frame rotor triangle 0.7~kg J_s/a² 0.9~kg 0.75~kg 0.15~kg":
         {"limits": Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.2)},
-    # The margin is below rounding, and may have any digits.
+    # The margin is rounding, with arbitrary digits.
     "masses margin 2.75e-09~kg":
         {"mass": 0.6, "limits": Limits(shell_mass=0.06, frame_mass=0.54 - 6e-11)},
 }  # fmt: skip
 
 
 def infeasible(asked: dict[str, Any]) -> object:
-    """Design bodies for the numbers with these changes, in any axes; a rotor is needed."""
+    """Design for these changes of a request that needs a rotor, in rotated axes."""
     Q = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
     others = {"Omega": (0.0, 0.0, 2.0), "K": (0.5, 1.0, 0.0), "radius": 2.0, **asked}
     A = Q @ np.diag(others.pop("A", 1 / B)) @ Q.T
@@ -242,10 +245,10 @@ def infeasible(asked: dict[str, Any]) -> object:
 
 
 @pytest.mark.parametrize(("facts", "request_"), INFEASIBLE.items())
-def test_an_infeasible_request_is_refused_with_the_condition_and_by_how_much_it_fails(
+def test_an_infeasible_request_is_refused_with_the_violated_condition_and_the_excess(
     facts: str, request_: dict[str, Any]
 ) -> None:
-    """Each breaks one condition by construction."""
+    """Each request violates one condition by construction."""
     with pytest.raises(rb.InputError, match=naming(facts)):
         infeasible(request_)
 
@@ -273,8 +276,8 @@ def scene_of(folder: Path, text: str) -> rb.Scene:
     return rb.load_scene(path)
 
 
-def test_numbers_move_as_the_catalogs_bodies_do(tmp_path: Path) -> None:
-    """Fig. 12 by its numbers, A as a diagonal or a matrix, has the path of Fig. 12 by bodies."""
+def test_a_scene_given_by_numbers_moves_like_the_one_given_by_bodies(tmp_path: Path) -> None:
+    """Fig. 12 with A as a diagonal or a matrix has the same path as the catalog's bodies."""
     times = rb.sample_times(5.0)
     by_bodies = rb.integrate(rb.load_scene("fig12"), times).contact_point
     for A_given in (A, MATRIX.format(0)):
@@ -284,14 +287,14 @@ def test_numbers_move_as_the_catalogs_bodies_do(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["fig06", "classical_chaotic", "three_rotors"])
-def test_designed_bodies_keep_the_motion_of_their_scene(tmp_path: Path, name: str) -> None:
-    """Other bodies with the same A, Ω and K: the same path, also from the file written for them."""
+def test_designed_bodies_reproduce_the_motion_of_their_scene(tmp_path: Path, name: str) -> None:
+    """Other bodies with equal A, Ω and K have the same path, also after a round trip to a file."""
     scene = rb.load_scene(name)
     found, designed = redesign(scene, None, Limits())
     reread = scene_of(tmp_path, rb.scene_toml(designed))
     times = rb.sample_times(3.0)
     expected = rb.integrate(scene, times).contact_point
-    # Measured 2e-12 m at most (fig06): rounding in A and K, grown by the motion.
+    # Measured at most 2e-12 m (fig06): rounding in A and K, amplified by the motion.
     assert np.abs(rb.integrate(reread, times).contact_point - expected).max() < 3e-11
     assert found.buildable == (name != "fig06")
 
@@ -312,7 +315,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("old", "new", "facts"), REFUSED)
-def test_numbers_without_a_ball_are_refused(tmp_path: Path, old: str, new: str, facts: str) -> None:
-    """One line with the file and the condition that fails."""
+def test_numbers_that_no_ball_has_are_refused(
+    tmp_path: Path, old: str, new: str, facts: str
+) -> None:
+    """The message names the file and the violated condition."""
     with pytest.raises(rb.InputError, match=naming(f"scene.toml {facts}")):
         scene_of(tmp_path, NUMBERS.replace(old, new))

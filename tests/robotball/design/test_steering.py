@@ -1,4 +1,4 @@
-"""Drives that roll a robot along a path: found, checked by the equations, or refused."""
+"""Drives that roll a robot along a path are found and verified, or refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,8 +31,8 @@ PATHS = [straight(2.0), circle(0.5), circle(0.5, -0.5), eight(3.0), CORNERS]
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.name)
-def test_paths_begin_at_the_origin_and_have_their_slopes(path: WantedPath) -> None:
-    """The slope is the point's derivative: measured 4e-9 of the length, the difference's error."""
+def test_paths_start_at_the_origin_and_slope_is_their_derivative(path: WantedPath) -> None:
+    """Measured 4e-9 of the length: the error of the finite difference."""
     assert path.point(0.0) == pytest.approx([0.0, 0.0], abs=1e-15)
     h = 1e-5
     for u in np.linspace(0.05, 0.95, 7).tolist():
@@ -40,20 +40,24 @@ def test_paths_begin_at_the_origin_and_have_their_slopes(path: WantedPath) -> No
         assert path.slope(u) == pytest.approx(difference, abs=2e-8 * path.length)
 
 
-def test_lengths_and_places_are_those_asked_for() -> None:
-    """2 m straight, a circle's circumference and side, an eight's size, and waypoints are met."""
+def test_paths_have_the_requested_size_and_waypoints() -> None:
+    """2 m straight; circumference and side of a circle; size of an eight; waypoints are met."""
     line, left, right, figure, _ = PATHS
     assert (line.length, left.length) == pytest.approx((2.0, np.pi), rel=1e-5)
     for path, u, place in (
-        (left, 0.25, (0.5, 0.5)), (right, 0.5, (0.5, -0.5)), (figure, 0.25, (3.0, 0.0)),
-        (figure, 0.125, (3.0 * np.sqrt(0.5), 1.5)), (CORNERS, 1 / 3, (1.0, 0.0)),
-        (CORNERS, 2 / 3, (1.0, 1.0)), (CORNERS, 1.0, (0.0, 1.0)),
-    ):  # fmt: skip
+        (left, 0.25, (0.5, 0.5)),
+        (right, 0.5, (0.5, -0.5)),
+        (figure, 0.25, (3.0, 0.0)),
+        (figure, 0.125, (3.0 * np.sqrt(0.5), 1.5)),
+        (CORNERS, 1 / 3, (1.0, 0.0)),
+        (CORNERS, 2 / 3, (1.0, 1.0)),
+        (CORNERS, 1.0, (0.0, 1.0)),
+    ):
         assert path.point(u) == pytest.approx(place)
 
 
 def pendulum_robot() -> rb.Scene:
-    """W4's robot from rest, both hinges with servos."""
+    """Return the pendulum robot at rest, both hinges with servos."""
     motors = (Servo(0.5, torque_limit=0.6), PositionServo(6.0, 0.3, torque_limit=0.7))
     return robot("pendulum", pendulum_ball(), "rubber", [0.0, 0.0], (1, 0, 0, 0), motors=motors)
 
@@ -63,7 +67,7 @@ def three_rotors() -> rb.Scene:
 
 
 def off(steered: Any) -> float:
-    """How far the equations roll the ball off its way, under the drives that were found [m]."""
+    """Return how far the contact point leaves the path when the equations run the drives [m]."""
     motion = rb.integrate(steered.scene, steered.times, 1e-8)
     return float(np.linalg.norm(motion.contact_point - steered.wanted, axis=1).max())
 
@@ -73,22 +77,22 @@ def off(steered: Any) -> float:
     ("make", "rolling", "size", "duration"),
     [(three_rotors, "rubber", 0.2, 1.0), (pendulum_robot, "classical", 0.1, 4.0)],
 )
-def test_a_ball_rolls_along_an_arc(
+def test_a_steered_ball_follows_an_arc(
     make: Callable[[], rb.Scene], rolling: Rolling, size: float, duration: float
 ) -> None:
-    """By rotors, or by a frame and a pendulum that hang.
+    """With rotors, or with a frame and a hanging pendulum.
 
-    Measured 5e-5 m: the samples of the drives, and the tolerance of the boundary problem.
+    Measured 5e-5 m: sampling of the drives, and the tolerance of the boundary-value problem.
     """
     steered = steer(replace(make(), rolling=rolling), circle(size, 0.25), duration)
     assert off(steered) < 1.5e-4
     assert steered.wanted[-1] == pytest.approx([size, size])
 
 
-def test_weights_begin_where_they_hang_however_the_shell_lies() -> None:
-    """Below the centre; a shell turned by 0.4 rad about the frame's hinge has the same frame.
+def test_weights_start_hanging_for_any_attitude_of_the_shell() -> None:
+    """Below the centre, also if the shell is rotated by 0.4 rad about the frame's hinge.
 
-    So quick a way is missed by more: measured 6.2e-4 m, the samples of the drives.
+    This fast path has a larger error: measured 6.2e-4 m, from sampling the drives.
     """
     robot, angles, attitudes = pendulum_robot(), [], []
     axis, tilt = robot.ball.shell.axis, 0.4
@@ -103,9 +107,9 @@ def test_weights_begin_where_they_hang_however_the_shell_lies() -> None:
         to_world, still = rotation_matrix(first.attitude), np.zeros((1, 3))
         states = robot.robot.states(to_world[2:], at[None], still, still[:, :2])
         centre = to_world @ states.centre_of_mass[0]
-        assert np.abs(centre[:2]).max() < 1e-8  # measured 1.2e-9 m, as the angles below
+        assert np.abs(centre[:2]).max() < 1e-8  # measured 1.2e-9 m, like the angles below
         assert centre[2] < -0.01
-    # Measured 2e-8 rad: the balance that is found.
+    # Measured 2e-8 rad: the accuracy of the balance.
     assert angles[0] - angles[1] == pytest.approx([tilt, 0.0], abs=1e-6)
     assert attitudes[0] == pytest.approx(attitudes[1], abs=1e-6)
 
@@ -122,29 +126,31 @@ REFUSED: dict[str, Callable[[], object]] = {
     "hinges 1 two": lambda: steer(
         WEIGHT.with_hinges(motor={"pendulum1": None}), straight(1.0), 5.0
     ),
-    "plane rolling": lambda: steer(
+    "rolling~friction": lambda: steer(
         replace(WEIGHT, friction=Friction(rolling=0.001)), straight(1.0), 5.0
     ),
     "t~= hinges direction": lambda: steer(
         replace(three_rotors(), ball=IN_LINE), straight(0.01), 0.5
     ),
-    "t~= hinge rad/s time": lambda: steer(three_rotors(), straight(0.01), 0.2),
+    "t~= hinge rad/s duration": lambda: steer(three_rotors(), straight(0.01), 0.2),
     "drives path": lambda: steer(WEIGHT, circle(0.5), 1.0),
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("facts", REFUSED)
-def test_what_cannot_be_steered_is_refused(facts: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One line with the value."""
+def test_paths_that_cannot_be_followed_are_refused(
+    facts: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The message names the value."""
     monkeypatch.setattr(steering, "_MOST_NODES", 30)
     monkeypatch.setattr(steering, "_FASTEST", 1.0)
     with pytest.raises((rb.InputError, ValueError), match=naming(facts)):
         REFUSED[facts]()
 
 
-def test_what_is_lacking_is_told() -> None:
-    """A torque, a rate and friction beyond what there is, a line each."""
+def test_each_exceeded_limit_of_robot_and_plane_is_reported() -> None:
+    """One line each for torque, rate and friction."""
     scene, times = pendulum_robot(), np.linspace(0.0, 1.0, 11)
     ramp = rb.Ramp(final=-1.0, end=1.0, shape="smooth")
     hard = scene.with_hinges(motor=(None, None), command={"frame": ramp})
@@ -158,20 +164,20 @@ def test_what_is_lacking_is_told() -> None:
     lines = shortfalls(weak, spun, rate_limit=0.5)
     assert [line.split(" ")[0] for line in lines[:2]] == ["frame", "frame"]
     facts = ("motor 0.01~N~m", "0.5", "slips", "0.001~m")
-    assert [unnamed(*each) for each in zip(facts, lines, strict=True)] == [[]] * 4
+    assert [unnamed(*pair) for pair in zip(facts, lines, strict=True)] == [[]] * 4
     enough = replace(scene, friction=Friction(sliding=10.0, torsional=10.0))
     assert shortfalls(enough, spun, rate_limit=10.0) == []
 
 
 @pytest.mark.parametrize("rolling", ROLLING_MODELS)
 @pytest.mark.parametrize("make", [pendulum_robot, three_rotors])
-def test_the_hinges_turn_so_that_the_ball_has_its_momentum_and_its_way(
+def test_hinge_rates_give_the_momentum_and_roll_the_shell_as_wanted(
     make: Callable[[], rb.Scene], rolling: Rolling
 ) -> None:
-    """In any state M by the bodies' motions is the state's, and the shell rolls as is wanted.
+    """In any state, M computed from the bodies' motions is the state's M.
 
-    Of all rates that give M, those of least energy Σ J φ̇²/2 are taken: J φ̇ is what multipliers of
-    M give. Measured 5e-15 kg m²/s: rounding.
+    The rates have the least energy Σ J φ̇²/2, so J φ̇ is a combination of the equations' rows.
+    Measured 5e-15 kg m²/s: rounding.
     """
     rng, scene = np.random.default_rng(4), replace(make(), rolling=rolling)
     path, times = circle(0.5), np.linspace(1.0, 4.0, 20)
@@ -179,7 +185,7 @@ def test_the_hinges_turn_so_that_the_ball_has_its_momentum_and_its_way(
     y = rng.normal(size=(len(way.start()), 20))
     y[:4] /= np.linalg.norm(y[:4], axis=0)
     y[6] *= rolling == "classical"
-    moves = way.moves(times, y)
+    moves = way.motion(times, y)
     shell, rates = moves.u[:3].T, moves.u[3:].T
     omega = shell + np.outer(rates[:, 0], scene.ball.shell.axis)
     states = scene.robot.states(moves.gamma, y[7:].T, omega, rates)
@@ -200,7 +206,7 @@ def test_the_hinges_turn_so_that_the_ball_has_its_momentum_and_its_way(
     assert np.abs(of_M @ multipliers - (J * rates)[:, :, None]).max() < 1e-11
 
 
-def test_the_way_begins_and_ends_with_a_wait() -> None:
+def test_the_ball_waits_before_and_after_the_path() -> None:
     """A twentieth of the duration each."""
     way = Way(pendulum_robot(), straight(2.0), 10.0, np.array([True, True]))
     x = way.point(np.array([0.0, 0.5, 0.6, 5.0, 9.4, 9.5, 10.0]))[:, 0]
@@ -209,8 +215,8 @@ def test_the_way_begins_and_ends_with_a_wait() -> None:
     assert 1.99 < x[4] < 2
 
 
-def test_a_state_astray_has_no_rate() -> None:
-    """NaN at that time alone, where the square of the quaternion is infinite."""
+def test_the_rate_of_a_diverged_state_is_nan() -> None:
+    """Only at that time; there the square of the quaternion is infinite."""
     scene = pendulum_robot()
     way = Way(scene, circle(0.5), 5.0, np.array([True, True]))
     y = np.tile(way.start()[:, None], 3)

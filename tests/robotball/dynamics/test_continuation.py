@@ -1,4 +1,4 @@
-"""Continuation: normal forms, and the paper's balls, each point by a second computation."""
+"""Continuation of normal forms and of the paper's balls, checked with independent computations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -47,20 +47,20 @@ REST, ALONG_X = np.zeros(3), np.array([-1.0, 0.0, 0.0])
 
 
 def over_K3(low: float, high: float) -> Family:
-    """Figs 6 to 8."""
+    """Return the family of Figs 6 to 8 over K₃."""
     return Family(from_rest(0.3), REST, "K3", low, high)
 
 
-def found(family: Family, branches: Sequence[Branch], *kinds: str) -> list[float]:
-    """The values of special points of some kinds, or of all, in their order."""
-    points = [point for each in branches for point in each.special(*kinds)]
+def special_values(family: Family, branches: Sequence[Branch], *kinds: str) -> list[float]:
+    """Return the values at the special points of the given kinds, by default all, in order."""
+    points = [point for branch in branches for point in branch.special(*kinds)]
     return sorted(family.value(point.x[-1]) for point in points)
 
 
 def passing(branches: Sequence[Branch], s: float) -> int:
-    """How many solutions the branches have at an s that is no point's."""
-    above = [np.array([point.x[-1] > s for point in each.points]) for each in branches]
-    return sum(int(np.count_nonzero(each[1:] != each[:-1])) for each in above)
+    """Return the number of solutions at s, which must not be the s of a point."""
+    above = [np.array([point.x[-1] > s for point in branch.points]) for branch in branches]
+    return sum(int(np.count_nonzero(sides[1:] != sides[:-1])) for sides in above)
 
 
 # Normal forms ----------------------------------------------------------------------------------
@@ -79,10 +79,10 @@ FORMS: dict[str, tuple[Callable[[Any, float], Sequence[Any]], list[str]]] = {
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_normal_forms_have_their_special_points(name: str) -> None:
-    """At p = 0 to 1e-9 (2e-10, by differences of 1e-7) on every branch, or nowhere.
+def test_special_points_of_normal_forms_are_found(name: str) -> None:
+    """At p = 0 to 1e-9 (measured 2e-10, from differences of 1e-7) on every branch, or nowhere.
 
-    The imperfect pitchfork has a fold alone, at p = 3 (0.01/2)^(2/3).
+    The imperfect pitchfork has only a fold, at p = 3 (0.01/2)^(2/3).
     """
     form, kinds = FORMS[name]
 
@@ -99,7 +99,7 @@ def test_normal_forms_have_their_special_points(name: str) -> None:
         sizes = [abs(residual(np.array([x]), s)[0]) for x in roots]
         starts += [np.array([x, s]) for x, size in zip(roots, sizes, strict=True) if size < 0.06]
     branches = explore(steady(residual, exponents), starts, [])
-    points = [point for each in branches for point in each.special()]
+    points = [point for branch in branches for point in branch.special()]
     assert [point.kind for point in points] == kinds
     at = 3 * 0.005 ** (2 / 3) if name == "imperfect" else 0.0
     assert [2 * point.x[-1] - 1 for point in points] == pytest.approx([at] * len(points), abs=1e-9)
@@ -114,12 +114,12 @@ def test_normal_forms_have_their_special_points(name: str) -> None:
         pytest.param(lambda x, p: x * x - 1e-3 * p, -0.03, 1e-9, FOLD, 1, id="a flat fold"),
     ],
 )
-def test_a_pitchfork_met_from_its_broken_side(
+def test_an_imperfect_pitchfork_within_the_error_of_the_equations_is_a_branch_point(
     form: Callable[[Any, float], Any], start: float, closed: float, kind: str, count: int
 ) -> None:
-    """Is a branch point where the error of the equations explains that its branches do not meet.
+    """The error explains the gap between its branches, which is 1.1e-3.
 
-    It parts them by 1.1e-3 and moves the point by 4e-6. Beyond a flat fold there is no solution.
+    It moves the point by 4e-6. Beyond a flat fold the equations have no solution.
     """
 
     def residual(u: Array, s: float) -> Array:
@@ -130,15 +130,17 @@ def test_a_pitchfork_met_from_its_broken_side(
 
     problem = replace(steady(residual, exponents), closed=closed)
     branches = [*explore(problem, [np.array([start, 0.95])], [])]
-    points = [point for each in branches for point in each.special()]
+    points = [point for branch in branches for point in branch.special()]
     assert [point.kind for point in points] == [kind] * count
-    # Of the flat fold 0, of the last pitchfork 1.8e-3 = 3 (3e-5/2)^(2/3), else 3.9e-6.
+    # 0 for the flat fold, 1.8e-3 = 3 (3e-5/2)^(2/3) for the last pitchfork, otherwise 3.9e-6.
     assert [2 * point.x[-1] - 1 for point in points] == pytest.approx([0.0] * count, abs=2e-3)
 
 
 @pytest.mark.parametrize(("differ", "count"), [(0.0, 1), (1.0, 2)])
-def test_solutions_that_differ_by_what_is_free_are_one(differ: float, count: int) -> None:
-    """Of x² + y² = 1 + s, from two headings, as a ball's; unless their exponents differ."""
+def test_solutions_that_differ_by_a_free_direction_are_identified(
+    differ: float, count: int
+) -> None:
+    """Two headings on x² + y² = 1 + s are the same solution unless their exponents differ."""
 
     def residual(u: Array, s: float) -> Array:
         off = u[0] ** 2 + u[1] ** 2 - 1 - s
@@ -154,11 +156,11 @@ def test_solutions_that_differ_by_what_is_free_are_one(differ: float, count: int
 @pytest.mark.parametrize(
     ("neutral", "turning"), [(0.0, 0.0), (1e-7, 0.0), (-1e-7, 0.0), (0.0, 1.0)]
 )
-def test_branches_that_are_free_beside_them_cross(neutral: float, turning: float) -> None:
-    """Where an exponent beside that of the freedom is zero, whatever error the latter has.
+def test_branches_with_a_free_direction_cross(neutral: float, turning: float) -> None:
+    """An exponent besides the one of the free direction vanishes, up to any error of the latter.
 
-    Of x² + y² = 1 and pz = z³, with any heading of (x, y); p = 2s - 1. If that turns at z, what
-    leaves there is no solution.
+    The problem is x² + y² = 1 and pz = z³, with any heading of (x, y) and p = 2s - 1. If the
+    heading drifts for z ≠ 0, no solution branches off.
     """
 
     def residual(u: Array, s: float) -> Array:
@@ -177,10 +179,11 @@ def test_branches_that_are_free_beside_them_cross(neutral: float, turning: float
 
 
 @pytest.mark.parametrize("cubic", [-2.0, -0.5, 0.5])
-def test_the_first_lyapunov_value_of_a_normal_form(cubic: float) -> None:
-    """dr/dt = cubic r³ + rz, dz/dt = r² - z: (cubic + 1) r³ on the centre manifold, in any axes.
+def test_the_first_lyapunov_value_of_a_normal_form_is_exact(cubic: float) -> None:
+    """dr/dt = cubic r³ + rz, dz/dt = r² - z gives (cubic + 1) r³ on the centre manifold.
 
-    In the eigenvector's axes half of that. At -0.5 its sign is the quadratic terms' alone.
+    In the eigenvector's axes it is half of that. At cubic = -0.5 only the quadratic terms decide
+    the sign.
     """
     axes = np.array([[1.0, 0.3, -0.2], [0.4, 1.1, 0.5], [-0.1, 0.2, 0.9]])
 
@@ -191,7 +194,7 @@ def test_the_first_lyapunov_value_of_a_normal_form(cubic: float) -> None:
         rate = np.stack([growth * x - 3 * y, growth * y + 3 * x, square - z])
         return np.asarray(np.tensordot(axes, rate, 1))
 
-    # A unit eigenvector of the flow is the form's (1, -i, 0) times a factor.
+    # A unit eigenvector of the flow is a multiple of the form's (1, -i, 0).
     scale = np.linalg.norm(axes @ np.array([1.0, -1j, 0.0])) ** 2
     assert lyapunov_value(flow, 3) * scale == pytest.approx(cubic + 1, abs=1e-9)
 
@@ -199,14 +202,16 @@ def test_the_first_lyapunov_value_of_a_normal_form(cubic: float) -> None:
 # Fixed points from rest ------------------------------------------------------------------------
 
 
-def test_folds_are_where_the_closed_form_has_them() -> None:
-    """|κ₁| = 1 at 0.51503, |κ₂| = 1 at 2.08207: to 1e-8, twice each; nothing else is special."""
+def test_folds_agree_with_the_closed_form() -> None:
+    """|κ₁| = 1 at 0.51503 and |κ₂| = 1 at 2.08207, twice each, to 1e-8; no other special points."""
     family = over_K3(0.1, 2.5)
     branches = [*resting(family)]
     (O1, O2, O3), (a1, a2, a3) = from_rest(0.3).Omega, from_rest(0.3).A
     closed = [(O3 - np.hypot(O, O3)) * (a3 - a) / (2 * a * a3) for O, a in ((O2, a2), (O1, a1))]
-    assert found(family, branches) == pytest.approx([closed[0]] * 2 + [closed[1]] * 2, abs=1e-8)
-    assert found(family, branches, FOLD) == found(family, branches)
+    assert special_values(family, branches) == pytest.approx(
+        [closed[0]] * 2 + [closed[1]] * 2, abs=1e-8
+    )
+    assert special_values(family, branches, FOLD) == special_values(family, branches)
     assert [abs(kappa(from_rest(K3), j)) for j, K3 in zip((1, 0), closed, strict=True)] == (
         pytest.approx([1.0, 1.0], rel=1e-14)
     )
@@ -215,10 +220,10 @@ def test_folds_are_where_the_closed_form_has_them() -> None:
         assert len(fixed_points(from_rest(K3))) == count
 
 
-def test_branches_cross_where_the_types_of_the_poles_change() -> None:
-    """Where A₁A₂ = 0, Proposition 2: at K₃ = -4/3, -5/6 to 1e-8, on both branches there."""
+def test_branches_cross_where_the_poles_change_their_type() -> None:
+    """A₁A₂ = 0 (Proposition 2) at K₃ = -4/3 and -5/6 to 1e-8, on both branches."""
     family = over_K3(-1.6, -0.1)
-    at = np.array(found(family, [*resting(family)], BRANCH))
+    at = np.array(special_values(family, [*resting(family)], BRANCH))
     assert len(at) >= 8
     for K3, i, of in ((-4 / 3, 0, at < -1), (-5 / 6, 1, at > -1)):
         assert np.count_nonzero(of) >= 4
@@ -229,8 +234,8 @@ def test_branches_cross_where_the_types_of_the_poles_change() -> None:
 @pytest.mark.parametrize(
     "name", ["K1", *(pytest.param(n, marks=pytest.mark.study) for n in ("Omega12", "K31"))]
 )
-def test_branches_pass_as_many_points_as_there_are(name: str) -> None:
-    """Of a ball with no symmetry, at three values within the range, by the resultant."""
+def test_branches_contain_all_fixed_points(name: str) -> None:
+    """For a ball without symmetry, at three values in the range, compared with the resultant."""
     some = replace(from_rest(0.6), K=(0.2, -0.3, 0.6))
     low, high = (10.0, 80.0) if len(name.lstrip("KOmega")) > 1 else (0.3, 3.0)
     family = Family(some, REST, name, low, high)
@@ -251,8 +256,8 @@ def test_branches_pass_as_many_points_as_there_are(name: str) -> None:
         ),
     ],
 )
-def test_branches_of_lines_are_all_that_there_are(family: Family, count: int) -> None:
-    """At a value within the range, by the closed form; each has its M² and (M, γ), to 1e-12."""
+def test_branches_contain_all_straight_lines(family: Family, count: int) -> None:
+    """At one value in the range, compared with the closed form; M² and (M, γ) hold to 1e-12."""
     branches, s = [*resting(family)], 0.6180339
     parameters, size, c = family.at(s)
     lines = straight_motions(parameters, size**2, c * size)
@@ -263,29 +268,29 @@ def test_branches_of_lines_are_all_that_there_are(family: Family, count: int) ->
 
 
 def test_the_hopf_point_of_straight_lines_is_supercritical() -> None:
-    """At f = 16/7.69 by Routh and Hurwitz, to 1e-8, of two of the four; l₁ = -0.00499 1/s.
+    """Two of four lines have it at f = 16/7.69 (Routh and Hurwitz, to 1e-8); l₁ = -0.00499 1/s.
 
-    Above it a stable cycle is born: at f = 2.2 the motion from beside the line ends on the one that
-    the branch has there, of one period to 1e-9 (1e-12); at f = 2.05 it returns to the line.
+    Above it a stable cycle is born. At f = 2.2 a motion from beside the line ends on the branch's
+    cycle, with the same period to 1e-9 (measured 1e-12); at f = 2.05 it returns to the line.
     """
     family = Family(FIG10, ALONG_X * np.sqrt(2.0), "f", 1.5, 2.2)
     branches, limit = [*resting(family)], stability_limit(FIG10)
-    assert found(family, branches, HOPF) == pytest.approx([limit, limit], abs=1e-8)
-    assert found(family, branches) == found(family, branches, HOPF)
+    assert special_values(family, branches, HOPF) == pytest.approx([limit, limit], abs=1e-8)
+    assert special_values(family, branches) == special_values(family, branches, HOPF)
     value, born = born_cycles(family, branches[0].special(HOPF)[0], 10.0, 60)
     assert value == pytest.approx(-0.00499, abs=1e-5)
     assert all(point.is_stable and point.x[-1] > born.points[0].x[-1] for point in born.points[1:])
     assert born.points[-1].x[-1] == 1.0
     ends = {}
     for f in (2.05, 2.2):
-        line = max(straight_motions(FIG10, f), key=lambda each: float(each.polynomial[-1]))
+        line = max(straight_motions(FIG10, f), key=lambda motion: float(motion.polynomial[-1]))
         beside = line.gamma + np.array([0.0, 0.0, 0.02])
         start = along_momentum(beside / np.linalg.norm(beside), line.momentum)
         M = np.array([-np.sqrt(f), 0.0, 0.0])
         times = np.array([0.0, 4000.0])
         run = orbits(FIG10, start.attitude[None], M[None], times, LONG_RUN_TOLERANCE)
         ends[f] = run.attitudes[0, 1], M, line.gamma
-    attitude, M, gamma = ends[2.05]  # the error of what is left after 4000 s of -0.0011 1/s
+    attitude, M, gamma = ends[2.05]  # the tolerance is the rest after 4000 s at -0.0011 1/s
     assert np.linalg.norm(level_vectors(attitude, M)[0] - gamma) < 1e-3
     cycle = close(FIG10, ends[2.2][0], M := ends[2.2][1], 1.95)
     assert np.linalg.norm(level_vectors(cycle.attitude, M)[0] - ends[2.2][2]) > 0.1
@@ -295,15 +300,15 @@ def test_the_hopf_point_of_straight_lines_is_supercritical() -> None:
     assert family.value(back.points[0].x[-1]) == pytest.approx(limit, abs=1e-5)  # 6e-8
 
 
-def test_born_cycles_grow_as_the_first_lyapunov_value_says() -> None:
-    """r² = -(dRe λ/ds)(s - s*)/l₁ with l₁ of either sign, at f = 3 over K₃; to 1 % (0.3 %).
+def test_born_cycles_grow_as_the_first_lyapunov_value_predicts() -> None:
+    """r² = -(dRe λ/ds)(s - s*)/l₁ for both signs of l₁, over K₃ at f = 3, to 1 % (measured 0.3 %).
 
-    With K out of the plane across Ω the two ends of the unstable range differ: at K₃ = -0.89
-    stable cycles are born, at 1.03 unstable ones. The pair's real parts are
-    zero there, to 1e-8 (2e-9: beside 3 rad/s that counts as zero).
+    With K outside the plane orthogonal to Ω, the two ends of the unstable range differ: at K₃ =
+    -0.89 stable cycles are born, at 1.03 unstable ones. There the real parts of the pair vanish to
+    1e-8 (measured 2e-9, which counts as zero beside 3 rad/s).
     """
     family = Family(FIG10, ALONG_X * np.sqrt(3.0), "K3", -1.7, 1.7)
-    branch = next(each for each in resting(family) if each.special(HOPF))
+    branch = next(candidate for candidate in resting(family) if candidate.special(HOPF))
     values = []
     for hopf in branch.special(HOPF):
         u, s = hopf.x[:-1], hopf.x[-1]
@@ -312,7 +317,7 @@ def test_born_cycles_grow_as_the_first_lyapunov_value_says() -> None:
         flow, size = family.flow(u, s)
         roots, vectors = np.linalg.eig(linear_part(flow, size))
         assert np.abs(roots.real).min() < 1e-8
-        # The coordinates of the flow are half of a turn, which moves γ and μ by v×ξ.
+        # The flow's coordinates are half of a rotation ξ, which moves γ and μ by v×ξ.
         pair = 2 * vectors[:, np.argmax(roots.imag)].real
         out = np.concatenate([np.cross(v, pair) for v in u.reshape(-1, 3)])
         r = (born.points[1].x[:6] - u) @ out / (out @ out)
@@ -330,28 +335,30 @@ def test_born_cycles_grow_as_the_first_lyapunov_value_says() -> None:
 
 
 def long_cycle() -> Cycle:
-    """The unstable cycle at K₃ = 0.51, closed backwards in time, where there are ten points."""
+    """Return the unstable cycle at K₃ = 0.51, closed backwards in time, beside ten fixed points."""
     beside = attitude_at(np.array([-0.0247, 0.8990, -0.4373]))
     back = close(reversed_in_time(from_rest(0.51)), beside, REST, 82.006)
     return replace(back, multipliers=1 / back.multipliers)
 
 
-def test_the_cycle_is_older_than_the_folds_of_fixed_points() -> None:
-    """The paper's "arises from the closed contour" at |κ₁| = 1 is not so: at K₃ = 0.51 both are.
+def test_the_cycle_exists_before_the_folds_of_fixed_points() -> None:
+    """The paper: it "arises from the closed contour" at |κ₁| = 1. But at K₃ = 0.51 both exist.
 
-    Period 82.00639 s, by the search too; at K₃ = 0.5 there are the ten points and no cycle.
+    Its period is 82.00639 s, also according to the search; at K₃ = 0.5 there are ten points and no
+    cycle.
     """
     searched = limit_cycles(from_rest(0.51), 100.0, 16)
-    assert [each.period for each in searched] == pytest.approx([82.00639], abs=1e-5)
+    assert [cycle.period for cycle in searched] == pytest.approx([82.00639], abs=1e-5)
     assert long_cycle().period == pytest.approx(searched[0].period, rel=1e-10)
     assert len(fixed_points(from_rest(0.51))) == 10
     assert limit_cycles(from_rest(0.5), 300.0) == []
 
 
-def test_the_cycle_ends_on_the_saddles() -> None:
-    """At K₃ = 0.503566, where the manifolds of δ₃ and δ₄ join, to 1e-5 (1.2e-6 at 300 s).
+def test_the_cycle_ends_at_a_saddle_connection() -> None:
+    """At K₃ = 0.503566, where the manifolds of δ₃ and δ₄ meet, to 1e-5 (measured 1.2e-6 at 300 s).
 
-    The period grows as a logarithm: power 0, where a saddle-node on the cycle would have 1/2.
+    The period grows logarithmically (power 0); at a saddle-node on the cycle the power would be
+    1/2.
     """
     family = over_K3(0.495, 0.51)
     (branch,) = cycling(family, [(long_cycle(), 1.0)], 300.0)
@@ -361,13 +368,13 @@ def test_the_cycle_ends_on_the_saddles() -> None:
     assert power == 0.0
 
     def is_below(K3: float) -> bool:
-        """Whether the two halves of the unstable manifold of δ₄ end apart, at θ₃ and θ₄."""
+        """Return whether δ₄'s unstable manifold ends at two different points, θ₃ and θ₄."""
         some = from_rest(K3)
         saddle = closed_form_points(some)["δ₄"]
         ends = [
-            each.end.gamma
-            for each in separatrices(some, fixed_points(some), 200.0)
-            if each.end and not each.stable and np.abs(each.saddle.gamma - saddle).max() < 1e-6
+            line.end.gamma
+            for line in separatrices(some, fixed_points(some), 200.0)
+            if line.end and not line.stable and np.abs(line.saddle.gamma - saddle).max() < 1e-6
         ]
         return bool(np.abs(ends[0] - ends[1]).max() > 1e-6)
 
@@ -378,16 +385,16 @@ def test_the_cycle_ends_on_the_saddles() -> None:
     assert family.value(s) == pytest.approx(low, abs=1e-5)
 
 
-def test_a_cycle_of_double_period_branches_off_where_a_multiplier_is_minus_one() -> None:
-    """Figs 11b and 14's ball with K₂ = 4, down to 3.85: at 3.892931, by bisection to 1e-6 too.
+def test_a_cycle_of_double_period_branches_off_at_a_multiplier_of_minus_one() -> None:
+    """The ball of Figs 11b and 14 with K₂ from 4 to 3.85: at 3.892931, by bisection to 1e-6.
 
-    The branch from there has cycles of twice the period, which do not close after half of it.
+    The new branch has cycles of twice the period, which do not close after half of it.
     """
     attitudes, momenta = spread_starts(0, 10)
     (single, *_) = basins(replace(CHAOTIC, K=(2.0, 4.0, 0.0)), attitudes, momenta, 1500.0).cycles
     family = Family(replace(CHAOTIC, K=(2.0, 4.0, 0.0)), momenta[0], "K2", 3.85, 4.0)
     branch, double = cycling(family, [(single, 1.0)], 20.0)
-    (at,) = found(family, [branch], DOUBLING)
+    (at,) = special_values(family, [branch], DOUBLING)
     low, high = 3.85, 4.0
     cycle = single
     while high - low > 1e-7:
@@ -407,8 +414,8 @@ def test_a_cycle_of_double_period_branches_off_where_a_multiplier_is_minus_one()
     assert period / 2 == pytest.approx(cycle.period, rel=0.05)
 
 
-def test_the_growth_of_a_period_has_its_law() -> None:
-    """s* to 1e-6 and p of T = |s - 0.2|^-1/2, and of T = -10 ln |s - 0.2|, whose p is 0."""
+def test_the_growth_law_of_a_period_is_recovered() -> None:
+    """s* to 1e-6 and p, for T = |s - 0.2|^-1/2, and for T = -10 ln |s - 0.2| with p = 0."""
     laws: list[tuple[Callable[[Any], Any], float, Array]] = [
         (lambda T: 0.2 + T**-2, 0.5, np.geomspace(10.0, 200.0, 30)),
         (lambda T: 0.2 + np.exp(-T / 10), 0.0, np.geomspace(10.0, 100.0, 60)),

@@ -1,4 +1,4 @@
-"""Motion from rest, section 4: the fixed points of (4.1) and their circle, cycles, manifolds."""
+"""Motion from rest, section 4: fixed points of (4.1), their circle, cycles and manifolds."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -46,11 +46,11 @@ def random_ball(rng: np.random.Generator, K: Vector) -> Parameters:
     return ball(as_vector(rng.uniform(0.2, 1.0, 3)), as_vector(rng.uniform(-4, 4, 3)), K, d=0.01)
 
 
-def test_the_search_finds_the_points_of_the_closed_form() -> None:
-    """Section 4.1's formulas and the resultant agree on Figs 6 to 8 and on 30 random balls.
+def test_the_resultant_finds_the_points_of_the_closed_form() -> None:
+    """It agrees with the formulas of section 4.1 on Figs 6 to 8 and on 30 random balls.
 
-    Measured 2.5e-15 of 200 balls: the rounding of a rate over the smaller eigenvalue, which falls
-    to 0 where points vanish.
+    Measured 2.5e-15 on 200 balls: rounding of a rate over the smaller eigenvalue, which vanishes
+    where points merge.
     """
     rng = np.random.default_rng(6)
     balls = [from_rest(K3) for K3 in (0.3, 0.52, 3.0)]
@@ -77,12 +77,12 @@ def test_the_search_finds_the_points_of_the_closed_form() -> None:
         ((0.5, 0.4, 0.25), (-0.5, 0.8, -0.5), (1.0, -2.0, 2.0)),
     ],
 )
-def test_a_curve_of_complex_fixed_points_is_no_curve(
+def test_a_curve_of_complex_fixed_points_is_ignored(
     moments: Vector, Omega: Vector, K: Vector
 ) -> None:
-    """Two equal moments, a uniform ball and Ω = -AK: ±AK alone rest, found to 1e-13.
+    """Two equal moments or a uniform ball with Ω = -AK: only ±AK are fixed, found to 1e-13.
 
-    The resultant is singular, so that its eigenvalues are rounding.
+    The resultant is singular there, so its eigenvalues are rounding.
     """
     points = fixed_points(ball(moments, Omega, K))
     assert Counter(point.kind for point in points) == {"centre": 2}
@@ -91,7 +91,7 @@ def test_a_curve_of_complex_fixed_points_is_no_curve(
 
 
 def symmetric(K3: float, first: float = 0.5) -> Parameters:
-    """A ball that rests at γ₃² = a₁a₃K₃/((a₃ - a₁)Ω₃), a circle, for K₃ from -4/3 to 0."""
+    """Return a ball with the circle of fixed points γ₃² = a₁a₃K₃/((a₃ - a₁)Ω₃), -4/3 < K₃ < 0."""
     return ball((first, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, K3))
 
 
@@ -107,7 +107,7 @@ def symmetric(K3: float, first: float = 0.5) -> Parameters:
         (closed_form_points, CLASSICAL, "rubber K"),
         (closed_form_points, replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), "rubber K"),
         (closed_form_points, ball((0.5, 0.5, 0.3), OMEGA, (0.0, 0.0, 0.3)), "three different"),
-        (closed_form_points, ball(A, (4.0, 0.0, 0.0), (0.0, 0.0, 0.3)), "not zero"),
+        (closed_form_points, ball(A, (4.0, 0.0, 0.0), (0.0, 0.0, 0.3)), "nonzero"),
         (partial(contact_path, gamma=GAMMA), from_rest(0.3), "gamma"),
         (partial(contact_path, gamma=GAMMA), CLASSICAL, "rubber"),
     ],
@@ -119,8 +119,8 @@ def test_what_has_no_isolated_points_or_no_formula_is_refused(
         find(some)
 
 
-def test_the_refused_curve_rests_and_almost_equal_moments_are_told_apart() -> None:
-    """The flow is 0 on the circle of `symmetric`; 1e-6 from equal there are ten points."""
+def test_a_refused_curve_is_really_fixed_and_almost_equal_moments_are_solved() -> None:
+    """The flow vanishes on the circle; with moments 1e-6 apart there are ten points."""
     third = np.sqrt(0.75 * 0.7)
     assert np.abs(flow(symmetric(-0.7), (np.sqrt(1 - third**2), 0.0, third))).max() < 1e-15
     assert len(fixed_points(symmetric(-0.1, 0.5 + 1e-6))) == 10
@@ -136,10 +136,10 @@ TYPES = {
 }
 
 
-def test_points_have_the_papers_names_and_types() -> None:
-    """Fig. 6's ten as section 4.2 lists them; a pair is a point and its opposite.
+def test_fixed_points_have_the_papers_names_and_types() -> None:
+    """Fig. 6's ten points are named as in section 4.2; a pair is a point and its opposite.
 
-    K = 0 has the names of (4.4) but for those on the circle; K off the axes has none.
+    If K = 0, points off the circle have the names of (4.4); with K off the axes they have no name.
     """
     some = from_rest(0.3)
     found = {name_of(some, point.gamma): point for point in fixed_points(some)}
@@ -156,7 +156,7 @@ def test_points_have_the_papers_names_and_types() -> None:
 
 
 def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:
-    """For 60 random balls, by A₁A₂ and by B/A₁, the eigenvalues and the value of third order."""
+    """A₁A₂ and B/A₁ agree with the eigenvalues and third-order values of 60 random balls."""
     rng, found = np.random.default_rng(12), Counter[str]()
     for _ in range(60):
         some = random_ball(rng, (0.0, 0.0, rng.normal()))
@@ -171,10 +171,10 @@ def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:
 
 
 @pytest.mark.parametrize("name", ["θ₃", "δ₂"])
-def test_at_rest_in_the_frame_the_contact_point_runs_on_a_circle(name: str) -> None:
-    """Radius, turning and direction are those of Fig. 6's motion over 2 s.
+def test_the_contact_point_of_a_fixed_point_moves_on_a_circle(name: str) -> None:
+    """Radius, turning and direction agree with Fig. 6's motion over 2 s.
 
-    The integrator's error, in metres of 9 m: measured 4.3e-13.
+    Measured 4.3e-13 m of 9 m: the integrator's error.
     """
     scene = load_scene("fig06")
     gamma = closed_form_points(scene.parameters)[name]
@@ -186,7 +186,7 @@ def test_at_rest_in_the_frame_the_contact_point_runs_on_a_circle(name: str) -> N
     v = (axes[:2] @ scene.principal_axes @ np.cross(gamma, scene.parameters.Omega)) @ [1, 1j]
     assert path.speed == pytest.approx(abs(v))
     assert path.radius == pytest.approx(abs(v / path.turning))
-    # v turned by s t, integrated: a circle through the start with its centre to the left.
+    # v, rotated by s t, is integrated: a circle through the start with its centre to the left.
     expected = v * (np.exp(1j * path.turning * times) - 1) / (1j * path.turning)
     moved = (motion.contact_point - motion.contact_point[0]) @ [1, 1j]
     assert np.abs(moved - expected).max() < 1e-11
@@ -214,10 +214,10 @@ def circle_of(some: Parameters) -> FixedCircle:
         ((0.0, 0.0, 2.0), {"centre": 2}, 0),
     ],
 )
-def test_points_and_circle_have_indices_that_add_up_to_2(
+def test_indices_of_points_and_circle_add_up_to_2(
     Omega: Vector, kinds: dict[str, int], circle: int
 ) -> None:
-    """The circle's own is counted by how the flow turns beside it, and is not what is missing."""
+    """The circle's index is computed from the flow beside it, not as the missing rest."""
     some = ball(A, Omega, NOTHING)
     points = fixed_points(some)
     assert Counter(point.kind for point in points) == kinds
@@ -225,10 +225,10 @@ def test_points_and_circle_have_indices_that_add_up_to_2(
     assert index_sum(points) + circle == 2
 
 
-def test_every_point_of_the_circle_rests_and_attracts_at_its_rate() -> None:
-    """Measured 1.4e-17 of the rates, and 5.6e-16 1/s of the eigenvalues: rounding of both.
+def test_every_point_of_the_circle_is_fixed_and_attracts_at_its_rate() -> None:
+    """Measured 1.4e-17 of the rates and 5.6e-16 1/s of the eigenvalues: rounding.
 
-    Beside the circle, a control, the flow is not zero.
+    As a control, the flow beside the circle is not zero.
     """
     some = from_rest(0.0)
     circle = circle_of(some)
@@ -241,8 +241,8 @@ def test_every_point_of_the_circle_rests_and_attracts_at_its_rate() -> None:
         assert values == pytest.approx(np.sort([0.0, rate]), abs=2e-15)
 
 
-def test_a_circle_is_found_in_spite_of_rounding_and_nowhere_else() -> None:
-    """Fig. 5's K is computed from bodies: what is rounding counts as zero, and 1e-9 does not."""
+def test_the_circle_is_found_despite_rounding_of_K() -> None:
+    """Fig. 5's K is computed from bodies: its rounding counts as zero, 1e-9 does not."""
     scene = load_scene("fig05b").parameters
     for K in (scene.K, (3e-16, -1e-16, 4e-16)):
         assert fixed_circle(replace(scene, K=K)) is not None
@@ -254,8 +254,8 @@ def test_a_circle_is_found_in_spite_of_rounding_and_nowhere_else() -> None:
 # Limit cycles and manifolds ----------------------------------------------------------------
 
 
-def test_a_cycles_multiplier_is_how_its_neighbours_part() -> None:
-    """Fig. 8: a neighbour 1e-6 away is 2.28 times as far off after a period, to 1e-4."""
+def test_a_cycles_multiplier_is_the_growth_of_a_neighbours_distance() -> None:
+    """Fig. 8: a distance of 1e-6 grows by a factor of 2.28 in a period, to 1e-4."""
     some = from_rest(3.0)
     (cycle,) = limit_cycles(some)
     rate = np.array(flow(some, as_vector(cycle.gamma)))
@@ -268,8 +268,8 @@ def test_a_cycles_multiplier_is_how_its_neighbours_part() -> None:
     assert (ends[1] - ends[0]) @ across / 1e-6 == pytest.approx(cycle.multipliers[0].real, rel=1e-4)
 
 
-def test_every_saddle_has_four_manifolds_along_the_flow() -> None:
-    """They leave the saddle by 1e-4, and dγ/dt is along them, or against them where stable."""
+def test_every_saddle_has_four_separatrices_along_the_flow() -> None:
+    """They start 1e-4 from the saddle; dγ/dt is along them, or against them if stable."""
     ball = from_rest(0.3)
     points = fixed_points(ball)
     found = separatrices(ball, points, 100.0)
@@ -277,13 +277,13 @@ def test_every_saddle_has_four_manifolds_along_the_flow() -> None:
     for one, other in zip(found[::2], found[1::2], strict=True):
         # Halves begin on opposite sides: measured 1e-8, the square of the offset.
         assert np.abs(one.path[0] + other.path[0] - 2 * one.saddle.gamma).max() < 3e-8
-    for each in found:
-        assert np.linalg.norm(each.path[0] - each.saddle.gamma) < 1.1e-4
-        middle = len(each.path) // 2
-        step = each.path[middle + 1] - each.path[middle - 1]
-        rate = np.array(flow(ball, tuple(each.path[middle])))
+    for separatrix in found:
+        assert np.linalg.norm(separatrix.path[0] - separatrix.saddle.gamma) < 1.1e-4
+        middle = len(separatrix.path) // 2
+        step = separatrix.path[middle + 1] - separatrix.path[middle - 1]
+        rate = np.array(flow(ball, tuple(separatrix.path[middle])))
         if np.linalg.norm(rate) > 1e-3:
             along = step @ rate / np.linalg.norm(step) / np.linalg.norm(rate)
-            assert along * (-1 if each.stable else 1) > 0.99
+            assert along * (-1 if separatrix.stable else 1) > 0.99
     # Fig. 8's ball has no saddle.
     assert separatrices(from_rest(3.0), fixed_points(from_rest(3.0)), 10.0) == []

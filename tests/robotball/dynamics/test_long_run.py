@@ -1,4 +1,4 @@
-"""Long motions: exponents against neighbours, drift, and the attractors they reach."""
+"""Long motions: exponents compared with neighbouring motions, drift, and attractors."""
 
 from functools import partial
 
@@ -22,11 +22,11 @@ some_starts = partial(spread_starts, 5)
 
 
 @pytest.mark.parametrize(("ball", "c"), BALLS)
-def test_a_deviation_is_that_of_neighbours(ball: Parameters, c: float) -> None:
-    """ξ and its growth after 5 s, against motions from starts turned by ±1e-5 ξ.
+def test_a_deviation_is_the_difference_of_neighbouring_motions(ball: Parameters, c: float) -> None:
+    """ξ and its growth after 5 s, compared with starts rotated by ±1e-5 ξ.
 
-    Measured 1.7e-8 of 11: the difference's own error. The volume of three turns changes as ∫ div,
-    but for the density of Remark 5 at both ends: measured 1.8e-12, the steps'.
+    Measured 1.7e-8 of 11: the error of the difference. The volume of three rotations changes as ∫
+    div, apart from the density of Remark 5 at both ends: measured 1.8e-12, the steps' error.
     """
     (attitude,), (momentum,) = some_starts(1, c)
     xi, step, times = np.array([0.6, 0.48, 0.64]), 1e-5, np.array([0.0, 5.0])
@@ -47,10 +47,10 @@ def test_a_deviation_is_that_of_neighbours(ball: Parameters, c: float) -> None:
     assert np.linalg.slogdet(monodromy)[1] == pytest.approx(grown, abs=6e-12)
 
 
-def test_means_of_runs_are_given_with_their_scatter() -> None:
+def test_means_over_runs_have_standard_errors() -> None:
     """Exponents of three runs: mean, standard error and the section's dimension.
 
-    1 + λ₁/|λ₆| is 2 for a flow that keeps its volume and 0 for what is no chaos.
+    1 + λ₁/|λ₆| is 2 for a flow that preserves volume, and 0 without chaos.
     """
     found = Exponents(
         np.array([[0.0, 0.2], [0.2, 0.2], [0.2, 0.4]]), np.array([-0.1, -0.2, -0.3]), 1.0
@@ -63,10 +63,10 @@ def test_means_of_runs_are_given_with_their_scatter() -> None:
     assert Exponents(np.array([[-0.1, -0.1]]), np.array([-0.3]), 1.0).dimension == 0.0
 
 
-def test_a_drift_is_along_the_starts_own_momentum() -> None:
-    """By the way in 5 s; turned about the vertical by 0.7 rad, a start drifts as before.
+def test_drift_is_relative_to_the_starts_momentum() -> None:
+    """It is the displacement over 5 s, the same for a start with another heading (0.7 rad).
 
-    Measured 2.4e-10 m/s off the way, which is found by smaller steps, and then 1.7e-12.
+    Measured 2.4e-10 m/s, an error of the displacement with shorter steps, and 1.7e-12.
     """
     attitude, momentum = spread_starts(2, 1, most=4.9)
     heading = np.array([np.cos(0.35), 0.0, 0.0, np.sin(0.35)])
@@ -90,7 +90,7 @@ def test_exponents_need_a_momentum_and_a_duration() -> None:
 
 @pytest.mark.parametrize(("f", "label"), [(2.0, LINE), (3.0, LOST)])
 def test_fig10s_ball_ends_on_a_straight_line_while_that_is_stable(f: float, label: int) -> None:
-    """Below f = 2.0806 every start does; above, it moves near one and never crosses g = 0."""
+    """For f < 2.0806 from every start; above, it moves near the line and never crosses g = 0."""
     some = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0))
     rng = np.random.default_rng(3)
     starts = section_starts(rng.uniform(-1, 1, 4) * np.sqrt(f), rng.uniform(0, 6.28, 4), f)

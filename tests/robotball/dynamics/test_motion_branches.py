@@ -1,4 +1,4 @@
-"""Families of balls: their flow keeps what they call constant, and stands still where they say."""
+"""Families of balls: their flow preserves the level, and vanishes at the solutions."""
 
 from collections.abc import Iterator
 
@@ -24,7 +24,7 @@ STRAIGHT = Family(FIG10, np.array([-1.0, 0.0, 0.0]), "f", 1.9, 2.0)
 
 
 def level_point(family: Family, seed: int) -> Array:
-    """γ, or γ and μ, anywhere on the family's level at s = 0.5."""
+    """Return a random γ, or γ and μ, on the family's level at s = 0.5."""
     rng = np.random.default_rng(seed)
     gamma, across = np.linalg.qr(rng.normal(size=(3, 2)))[0].T
     _, size, c = family.at(0.5)
@@ -32,10 +32,10 @@ def level_point(family: Family, seed: int) -> Array:
 
 
 @pytest.mark.parametrize("family", [REST, MOVING], ids=["from rest", "classical"])
-def test_the_flow_keeps_the_constants_of_its_level(family: Family) -> None:
-    """They are zero on it, and do not change along the rate: by differences, to their error.
+def test_the_flow_preserves_the_constants_of_its_level(family: Family) -> None:
+    """They vanish on the level, and do not change along the rate, up to the error of differences.
 
-    Off the level they are not zero, each by what is off.
+    Off the level they equal the deviation.
     """
     for seed in range(5):
         u = level_point(family, seed)
@@ -48,8 +48,8 @@ def test_the_flow_keeps_the_constants_of_its_level(family: Family) -> None:
         assert longer == pytest.approx(0.21)
 
 
-def test_the_number_of_a_family_runs_from_its_low_to_its_high_end() -> None:
-    """And nothing else of the ball or of its momentum changes with it."""
+def test_the_number_of_a_family_runs_from_low_to_high() -> None:
+    """Nothing else of the ball or of its momentum changes."""
     for s, value in ((0.0, 2.0), (0.25, 2.25), (1.0, 3.0)):
         parameters, size, c = MOVING.at(s)
         assert (MOVING.value(s), parameters.K) == (value, (2.0, value, 0.0))
@@ -57,8 +57,8 @@ def test_the_number_of_a_family_runs_from_its_low_to_its_high_end() -> None:
         assert parameters.I == CLASSICAL.I
 
 
-def test_what_is_found_before_an_error_is_kept() -> None:
-    """At each place, and the watch is told why no more; where nothing is found, it is raised."""
+def test_solutions_found_before_an_error_are_kept() -> None:
+    """At each value; the watch receives the error. It is raised if nothing is found anywhere."""
     told: list[tuple[float, str]] = []
 
     class Kept(Watch):
@@ -79,23 +79,23 @@ def test_what_is_found_before_an_error_is_kept() -> None:
 
 
 @pytest.mark.parametrize("family", [REST, STRAIGHT], ids=["from rest", "straight"])
-def test_branches_at_rest_are_all_that_stand_still(family: Family) -> None:
-    """At either end: the fixed points from rest or the straight lines, with their eigenvalues."""
+def test_branches_contain_all_equilibria_at_both_ends(family: Family) -> None:
+    """The fixed points from rest or the straight lines, with their eigenvalues."""
     branches = [*resting(family)]
     for s in (0.0, 1.0):
         parameters, size, c = family.at(s)
-        points = [p.x[:-1] for each in branches for p in each.points if p.x[-1] == s]
+        points = [p.x[:-1] for branch in branches for p in branch.points if p.x[-1] == s]
         if size:
             lines = straight_motions(parameters, size**2, c * size)
             known = [np.array([*line.gamma, *line.momentum / size]) for line in lines]
             values = [line.eigenvalues for line in lines]
         else:
-            known = [each.gamma for each in fixed_points(parameters)]
-            values = [each.eigenvalues for each in fixed_points(parameters)]
+            known = [point.gamma for point in fixed_points(parameters)]
+            values = [point.eigenvalues for point in fixed_points(parameters)]
         assert len(points) == len(known) > 1
         for u in points:
             assert np.abs(family.rate(u, s)).max() < 1e-9
-            away = [float(np.abs(u - each).max()) for each in known]
+            away = [float(np.abs(u - solution).max()) for solution in known]
             i = int(np.argmin(away))
             assert away[i] < 1e-8
             found = np.linalg.eigvals(linear_part(*family.flow(u, s)))

@@ -1,4 +1,4 @@
-"""The flow near a motion that stands still: as the motion moves, and its linear and cubic parts."""
+"""The flow near an equilibrium agrees with the motion, and so do its linear and cubic parts."""
 
 import numpy as np
 import pytest
@@ -17,16 +17,17 @@ M = np.array([1.0, -2.0, 0.5])
 
 
 def rates_of(ball: Parameters, momentum: Array, gamma: Array) -> Array:
-    """How γ and M move in frame axes (2, 3)."""
+    """Return the rates of γ and M in frame axes (2, 3)."""
     omega = ball.angular_velocity(tuple(momentum), tuple(gamma))
     return np.array([eq.cross(tuple(gamma), omega), eq.cross(tuple(momentum), omega)])
 
 
 @pytest.mark.parametrize("x", [(0.3, 0.0), (0.2, -0.4), (-0.7, 0.5)])
 def test_the_flow_from_rest_moves_a_point_as_the_motion_does(x: tuple[float, float]) -> None:
-    """Well off the fixed point: the step of γ, seen in the plane, by central differences.
+    """Far from the fixed point: a step of γ, projected to the plane, by central differences.
 
-    A coordinate is where the ray through γ meets the plane. Measured 1e-11, the difference's error.
+    A coordinate is the intersection of the ray through γ with the plane. Measured 1e-11, the error
+    of the difference.
     """
     ball, basis = from_rest(0.3), tangents(POINT)
     gamma = POINT + np.array(x) @ basis
@@ -40,8 +41,10 @@ def test_the_flow_from_rest_moves_a_point_as_the_motion_does(x: tuple[float, flo
 
 
 @pytest.mark.parametrize("ball", [CHAOTIC, CLASSICAL])
-def test_the_flow_of_turns_moves_gamma_and_momentum_as_the_motion_does(ball: Parameters) -> None:
-    """What a turn by tan(θ/2) n makes of both vectors, by central differences along the flow."""
+def test_the_flow_of_rotations_moves_gamma_and_momentum_as_the_motion_does(
+    ball: Parameters,
+) -> None:
+    """A rotation tan(θ/2) n moves both vectors, by central differences along the flow."""
     gamma, x = np.array([0.6, 0.0, 0.8]), np.array([0.2, -0.3, 0.1])
 
     def turned(y: Array) -> Array:
@@ -56,7 +59,7 @@ def test_the_flow_of_turns_moves_gamma_and_momentum_as_the_motion_does(ball: Par
 
 
 def normal_form(nu: float, value: float, bent: float) -> Flow:
-    """ṙ = value r³, φ̇ = ν, with a third number that follows r² and acts back by `bent`."""
+    """Return ṙ = value r³, φ̇ = ν, with a third number that follows r² and acts back with `bent`."""
 
     def flow(x: Array) -> Array:
         a, b, c = x
@@ -73,7 +76,7 @@ def normal_form(nu: float, value: float, bent: float) -> Flow:
 
 
 def in_curved_axes(flow: Flow) -> Flow:
-    """The same flow in y, where x = y + squares of y: each second derivative is another one."""
+    """Return the flow in coordinates y, x = y + squares, which change second derivatives."""
     squares = 0.1 * np.random.default_rng(3).normal(size=(3, 3, 3))
 
     def curved(y: Array) -> Array:
@@ -87,26 +90,26 @@ def in_curved_axes(flow: Flow) -> Flow:
 
 @pytest.mark.parametrize("curved", [False, True])
 @pytest.mark.parametrize("bent", [0.0, 0.8, -0.8])
-def test_the_lyapunov_value_is_that_of_a_known_normal_form(bent: float, curved: bool) -> None:
-    """On the surface c ≈ r²/2 - ..., so that dr/dt = (value + bent κ) r³, in curved axes as well.
+def test_the_lyapunov_value_of_a_normal_form_is_exact(bent: float, curved: bool) -> None:
+    """On the surface c ≈ r²/2 - ... dr/dt = (value + bent κ) r³, also in curved coordinates.
 
-    κ by the surface's own quadratic part: 2κ + its rate, which is zero on a circle, is 1.
+    κ follows from the surface's quadratic part: 2κ + its rate, which is zero on a circle, is 1.
     """
     flow = normal_form(1.7, -0.4, bent)
     flow = in_curved_axes(flow) if curved else flow
     linear = linear_part(flow, 3)
     assert np.abs(linear - [[0, -1.7, 0], [1.7, 0, 0], [0, 0, -2.0]]).max() < 1e-15
-    # r depends on the scale of the eigenvector, which is of length one: r = |z|·2/√2.
+    # r depends on the scale of the unit eigenvector: r = |z|·2/√2.
     found = lyapunov_value(flow, 3)
     expected = (-0.4 + bent / 2) / 2
     assert found == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_lyapunov_value_of_a_slow_focus_is_in_closed_form() -> None:
-    """B/(8a₃A₁A₂(A₁ + A₂)) by the numbers of Prop. 2 at Γ₅, of 60 random balls; measured 4e-11.
+def test_the_lyapunov_value_of_a_slow_focus_agrees_with_the_closed_form() -> None:
+    """B/(8a₃A₁A₂(A₁ + A₂)) from Proposition 2 at Γ₅, for 60 random balls; measured 4e-11.
 
-    By the formula for two real dimensions (Guckenheimer and Holmes, (3.4.11)): the cubic terms add
-    up to zero. It is in the amplitude along an eigenvector of length 1.
+    The closed form is from the formula for two real dimensions (Guckenheimer and Holmes,
+    (3.4.11)), in which the cubic terms cancel. The amplitude is along a unit eigenvector.
     """
     rng, foci = np.random.default_rng(6), 0
     for _ in range(60):
@@ -122,8 +125,8 @@ def test_the_lyapunov_value_of_a_slow_focus_is_in_closed_form() -> None:
     assert foci > 30
 
 
-def test_the_linear_part_is_the_slope_of_the_flow() -> None:
-    """By central differences; its trace is how volume grows in the coordinates."""
+def test_the_linear_part_is_the_derivative_of_the_flow() -> None:
+    """Compared with central differences; its trace is the growth of volume in the coordinates."""
     flow = flow_near(from_rest(0.3), POINT)
     by_hand = np.stack([(flow(1e-6 * e) - flow(-1e-6 * e)) / 2e-6 for e in np.eye(2)], axis=1)
     assert np.abs(linear_part(flow, 2) - by_hand).max() < 1e-9

@@ -1,4 +1,4 @@
-"""Sections without angles, periodic orbits and invariant curves: by (5.5) and motions."""
+"""Sections, periodic orbits and invariant curves, compared with (5.5) and with motions."""
 
 from functools import partial
 
@@ -29,7 +29,7 @@ some_starts = partial(spread_starts, 11, most=4.99)
 
 
 def in_frame(attitudes: Array, momentum: Array) -> tuple[Array, Array]:
-    """γ and M (m, 3) in frame axes."""
+    """Return γ and M (m, 3) in frame axes."""
     axes = rotation_matrix(attitudes)
     return axes[:, 2], momentum @ axes
 
@@ -39,10 +39,10 @@ def in_frame(attitudes: Array, momentum: Array) -> tuple[Array, Array]:
 def test_points_are_on_the_section_and_have_its_coordinates(
     ball: Parameters, c: float, g: float
 ) -> None:
-    """γ and M of a crossing are those of its (l, L) at g by (5.5).
+    """γ and M of a crossing follow from its (l, L) at g by (5.5).
 
-    The residual of the search is larger as an angle near L = ±√f: measured 8.5e-14/√(1 - L²/f)
-    under every kernel.
+    As an angle, the residual of the search is larger near L = ±√f: measured 8.5e-14/√(1 - L²/f)
+    with every OpenBLAS kernel.
     """
     attitudes, momenta = some_starts(4, c, g)
     found = sections_of(ball, attitudes, momenta, count=20, g=g)
@@ -57,12 +57,14 @@ def test_points_are_on_the_section_and_have_its_coordinates(
 
 
 @pytest.mark.parametrize(("ball", "c", "horizon"), [(CHAOTIC, 0.0, 40.0), (CLASSICAL, 3.0, 15.0)])
-def test_two_crossings_in_one_step_are_seen(ball: Parameters, c: float, horizon: float) -> None:
-    """With steps of 0.1 s and of 0.03 s the same crossings are found, while the motions agree.
+def test_two_crossings_within_one_step_are_both_found(
+    ball: Parameters, c: float, horizon: float
+) -> None:
+    """Steps of 0.1 s and of 0.03 s give the same crossings, as long as the motions agree.
 
-    Of 2700 crossings of the rubber ball 25 follow another by less than 0.1 s, of 4797 of the
-    classical ball 166: about so often two fall into one of the longer steps. In ten times as many
-    crossings one of the classical ball was lost at the tolerance of 1e-9, and none at 1e-12.
+    25 of 2700 crossings of the rubber ball, and 166 of 4797 of the classical ball, follow another
+    within 0.1 s, so about as often two fall into one long step. In ten times as many crossings, one
+    of the classical ball was lost at a tolerance of 1e-9, but not at 1e-12.
     """
     attitudes, momenta = some_starts(256, c)
     coarse, fine = (
@@ -78,8 +80,8 @@ def test_two_crossings_in_one_step_are_seen(ball: Parameters, c: float, horizon:
     assert close_pairs > 10
 
 
-def test_each_direction_can_be_asked_for_alone() -> None:
-    """The crossings of both directions, sorted, are those of the one and those of the other."""
+def test_each_direction_can_be_requested_alone() -> None:
+    """Merged and sorted they equal the crossings for direction 0."""
     attitudes, momenta = some_starts(2, 0.0)
     both = sections_of(REGULAR, attitudes, momenta, count=20)
     for direction in (1, -1):
@@ -90,8 +92,8 @@ def test_each_direction_can_be_asked_for_alone() -> None:
             assert np.abs(alone.times[i, : len(expected)] - expected).max() < 1e-10
 
 
-def test_the_section_needs_a_momentum_and_an_orbit_that_comes_back() -> None:
-    """M = 0 is refused; an orbit at rest, ω = 0 of the classical ball, is given up."""
+def test_a_section_needs_a_momentum_and_an_orbit_that_returns() -> None:
+    """M = 0 is refused; an orbit at rest (classical, ω = 0) reaches the step limit."""
     with pytest.raises(InputError, match=naming("M")):
         sections_of(REGULAR, np.eye(4)[:1], np.zeros((1, 3)), count=1)
     slow = ball((0.8, 0.6, 0.7), (0.0, 0.0, 2.0), (2.0, 3.0, 0.0), "classical")
@@ -106,11 +108,11 @@ def test_the_section_needs_a_momentum_and_an_orbit_that_comes_back() -> None:
 # Periodic orbits ---------------------------------------------------------------------------
 
 
-def test_unstable_periodic_orbits_of_the_chaos_close() -> None:
-    """From a guess of the period within a half second, and they do repeat: 1e-10 after a period.
+def test_unstable_periodic_orbits_in_the_chaos_are_closed() -> None:
+    """From a guess of the period within half a second; they repeat to 1e-10 after a period.
 
-    Closed to 1e-11, times how far a period parts neighbours. Within a tenth of a second no motion
-    repeats, and Newton's method says so.
+    They close to 1e-11, times the growth of a neighbour's distance. Near a tenth of a second no
+    motion repeats, and Newton's method fails.
     """
     attitudes, momenta = section_starts(0.0, 0.6, F)
     for guess in (3.3, 7.0):
@@ -124,18 +126,19 @@ def test_unstable_periodic_orbits_of_the_chaos_close() -> None:
         close(CHAOTIC, attitudes[0], momenta[0], 0.1)
 
 
-def test_a_cycle_that_grows_beyond_all_digits_closes_in_parts() -> None:
-    """Fig. 7's: a neighbour's distance grows by 7.4e8 in a period, and by e^4 in a twelfth.
+def test_a_cycle_that_amplifies_errors_beyond_all_digits_is_closed_in_parts() -> None:
+    """Fig. 7: a neighbour's distance grows by 7.4e8 in a period, and by e^4 in a twelfth of it.
 
-    Back in time it attracts and closes from one start: to the same period and multiplier.
+    With time reversed it attracts and closes from a single start, with the same period and
+    multiplier.
     """
     (cycle,), rest = limit_cycles(from_rest(0.52)), np.zeros(3)
     times = np.linspace(0.0, cycle.period, 13)
     nodes = orbit(from_rest(0.52), cycle.attitude, rest, times)[:-1, :4]
     beside = turned(nodes, np.full((12, 3), 1e-3))
     found = close(from_rest(0.52), beside, rest, cycle.period + 1e-3)
-    # Measured 2.7e-10 s and 1.2e-10, of gaps of 1e-11 that pass for none; at a K₃ greater by 1e-5
-    # the period is shorter by 0.013 s.
+    # Measured 2.7e-10 s and 1.2e-10, from accepted gaps of 1e-11. With K₃ larger by 1e-5
+    # the period is 0.013 s shorter.
     assert found.period == pytest.approx(cycle.period, abs=1e-8)
     assert found.multipliers[0].real == pytest.approx(cycle.multipliers[0].real, rel=1e-8)
     assert close(from_rest(0.52001), beside, rest, cycle.period).period < cycle.period - 0.005
@@ -145,16 +148,16 @@ def test_a_cycle_that_grows_beyond_all_digits_closes_in_parts() -> None:
 
 
 def orbit_of(some: Parameters, L: float, l: float) -> Array:
-    """γ and M/|M| (400, 6) at the crossings in one direction."""
+    """Return γ and M/|M| (400, 6) at the crossings in one direction."""
     attitudes, momenta = section_starts(L, l, F)
     return sections_of(some, attitudes, momenta, count=400, direction=1).states[0]
 
 
-def test_an_integrable_ball_has_invariant_curves_and_a_chaotic_one_has_not() -> None:
-    """Points held out are on the curve; so are the next 200, which the fit never saw.
+def test_an_integrable_ball_has_invariant_curves_and_a_chaotic_ball_has_none() -> None:
+    """Held-out points are on the curve, and so are the next 200, which the fit did not use.
 
-    Measured 4.0e-7 of unit vectors, then 9.7e-7: the harmonics left out, and the error of ρ times
-    the number of the point. Fig. 14's points held out are as far off as the section is wide.
+    Measured 4.0e-7 and 9.7e-7 (unit vectors): omitted harmonics, and the error of ρ times the
+    number of iterates. Fig. 14's held-out points are as far off as the section is wide.
     """
     chaplygin = ball((0.7, 0.6, 0.8), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), "classical")
     points = orbit_of(chaplygin, 3.6, 0.6)
@@ -167,8 +170,8 @@ def test_an_integrable_ball_has_invariant_curves_and_a_chaotic_one_has_not() -> 
     assert invariant_curve(orbit_of(CHAOTIC, 0.0, 0.6)[:200]).residual > 0.5
 
 
-def test_the_rotation_number_of_a_known_curve() -> None:
-    """A bent circle turned by 0.381966… a step: ρ and the curve are found to rounding."""
+def test_the_rotation_number_of_a_known_curve_is_recovered() -> None:
+    """A deformed circle rotated by 0.381966… per step: ρ and the curve agree to rounding."""
     rho = (3 - np.sqrt(5)) / 2
     phase = 2 * np.pi * rho * np.arange(150)
     circle = [np.cos(phase) + 0.2 * np.cos(2 * phase), np.exp(np.sin(phase))]
@@ -182,7 +185,7 @@ def test_the_rotation_number_of_a_known_curve() -> None:
     [
         (np.ones((99, 2)), "100 finite"),
         (np.full((200, 2), np.nan), "100 finite"),
-        (np.ones((200, 2)), "same"),
+        (np.ones((200, 2)), "equal"),
     ],
 )
 def test_points_of_no_curve_are_refused(points: Array, facts: str) -> None:
@@ -191,7 +194,7 @@ def test_points_of_no_curve_are_refused(points: Array, facts: str) -> None:
 
 
 def test_the_shared_integral_is_twice_the_rubber_balls_energy() -> None:
-    """Along 20 s with Ω = K = 0; that a classical ball keeps it is a claim of the paper's."""
+    """Along 20 s with Ω = K = 0. The classical ball is tested with the claims of the paper."""
     rubber = ball((0.8, 0.6, 0.7), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     start = along_momentum(*section_state(1.0, 2.0, 0.0, F))
     axes = rotation_matrix(
@@ -210,9 +213,9 @@ def test_the_shared_integral_is_twice_the_rubber_balls_energy() -> None:
     ("name", "g"), [("fig12", 0.0), ("fig14", 0.3), ("classical_chaotic", -0.5)]
 )
 def test_a_sampled_motion_crosses_where_the_equations_do(name: str, g: float) -> None:
-    """Cubics through samples 5 ms apart find time and place; the compiled section is the reference.
+    """Cubics through samples 5 ms apart give time and place; the compiled section is the reference.
 
-    Their error is that of the cubics, h⁴/384 of a fourth derivative of some 1000 1/s⁴.
+    The cubics have an error of h⁴/384 times a fourth derivative of about 1000 1/s⁴.
     """
     scene = rb.load_scene(name)
     found = crossings_of_motion(rb.integrate(scene, rb.sample_times(20.0, 5e-3)), scene, g)

@@ -1,4 +1,4 @@
-"""Straight-line motions: what they are, how many, and where they are stable."""
+"""Straight-line motions: their properties, their number, and their stability."""
 
 from dataclasses import replace
 
@@ -30,8 +30,10 @@ GAMMA = np.array([0.6, 0.48, 0.64])
         pytest.param(CLASSICAL, straight_motion(CLASSICAL, GAMMA), id="classical"),
     ],
 )
-def test_the_ball_rolls_straight_on(some: Parameters, motion: StraightMotion) -> None:
-    """In equal times equal ways of a|γ×Ω| m/s, along one line; rounding grows to 1e-14.
+def test_the_ball_rolls_straight_at_constant_speed(
+    some: Parameters, motion: StraightMotion
+) -> None:
+    """At a|γ×Ω| along one line; rounding grows to 1e-14.
 
     The eigenvalues add up to the divergence at γ and are the roots of the polynomial.
     """
@@ -47,20 +49,22 @@ def test_the_ball_rolls_straight_on(some: Parameters, motion: StraightMotion) ->
     assert np.abs(np.polyval(motion.polynomial, motion.eigenvalues)).max() < 1e-12
 
 
-def test_they_have_the_names_of_proposition_3() -> None:
-    """(K, γ) and (K×Ω, γ) have the signs of c₁ and c₂; K must be across Ω, and the ball rubber."""
-    named = {name_of_line(FIG10, each.gamma): each.gamma for each in straight_motions(FIG10, 3.0)}
+def test_straight_motions_have_the_names_of_proposition_3() -> None:
+    """(K, γ) and (K×Ω, γ) have the signs of c₁ and c₂ for a rubber ball with (K, Ω) = 0."""
+    named = {
+        name_of_line(FIG10, motion.gamma): motion.gamma for motion in straight_motions(FIG10, 3.0)
+    }
     signs = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)}
     # K = (4, 5, 0), K×Ω = (5, -4, 0).
     along = {name: (gamma @ (4, 5, 0), gamma @ (5, -4, 0)) for name, gamma in named.items()}
-    assert {name: tuple(np.sign(each)) for name, each in along.items()} == signs
+    assert {name: tuple(np.sign(parts)) for name, parts in along.items()} == signs
     tilted, still = replace(FIG10, K=(4.0, 5.0, 3.0)), replace(FIG10, Omega=(0.0, 0.0, 0.0))
     for other in (tilted, still, replace(FIG10, rolling="classical")):
         assert name_of_line(other, named["σ₊"]) == ""
 
 
-def test_there_are_four_on_a_level() -> None:
-    """Σ¹ meets M² = f in σ₊, σ₋, δ₊, δ₋ where 0 < f < K², and nowhere beyond."""
+def test_there_are_four_straight_motions_on_a_level() -> None:
+    """Σ¹ meets M² = f in σ₊, σ₋, δ₊ and δ₋ if 0 < f < K², and otherwise not."""
     motions = straight_motions(FIG10, 3.0)
     assert len(motions) == 4
     for motion in motions:
@@ -69,16 +73,16 @@ def test_there_are_four_on_a_level() -> None:
     apart = [np.linalg.norm(a.gamma - b.gamma) for a in motions for b in motions if a is not b]
     assert min(apart) > 0.1
     assert straight_motions(FIG10, 41.1) == []
-    # Where K has a part along Ω, f has a lower bound, too: here 50 - 41.
+    # If K has a component along Ω, f has a lower bound, too: here 50 - 41.
     tilted = replace(FIG10, K=(4.0, 5.0, 3.0))
     assert [len(straight_motions(tilted, f)) for f in (8.9, 9.1)] == [0, 4]
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_the_region_of_fig9_in_closed_form(axis: int) -> None:
-    """30 random balls, Ω along each axis: stable by Routh and Hurwitz iff by the eigenvalues.
+def test_the_stability_region_of_fig9_agrees_with_the_eigenvalues(axis: int) -> None:
+    """For 30 random balls with Ω along each axis, the closed form and the eigenvalues agree.
 
-    At f = 0.01, 0.99, 1.01 of the limit, which the eigenvalues resolve, and at f = K²/2.
+    At f = 0.01, 0.99 and 1.01 of the limit, which the eigenvalues resolve, and at f = K²/2.
     """
     rng = np.random.default_rng(9)
     stable = 0
@@ -97,10 +101,10 @@ def test_the_region_of_fig9_in_closed_form(axis: int) -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_the_polynomial_where_K_is_not_across_omega(axis: int) -> None:
-    """Ω along an axis, any K: c₁ has -Ω_lK_l beside a_lp², c₂ and c₀ are as they were; to 1e-9.
+def test_the_polynomial_for_K_not_orthogonal_to_omega(axis: int) -> None:
+    """With Ω along an axis and any K, c₁ has the extra term -Ω_lK_l beside a_lp², to 1e-9.
 
-    So the region of stability depends on Ω_lK_l and M_l² = f - K_l² alone: 1.8132 for the ball of
+    So stability depends on Ω_lK_l and M_l² = f - K_l² only: the limit is 1.8132 for the ball of
     Fig. 10 at a product of 2, and 1.9461 at 1.
     """
     rng, (j, k) = np.random.default_rng(4), ((axis + 1) % 3, (axis + 2) % 3)
@@ -124,25 +128,25 @@ def test_the_polynomial_where_K_is_not_across_omega(axis: int) -> None:
             assert sum(line.is_stable for line in straight_motions(some, K3**2 + m)) == stable
 
 
-def test_what_has_no_region_of_stability() -> None:
-    """Never stable by the sign of K₁K₂; no limit of a classical ball, nor off the plane of K."""
+def test_balls_without_a_stability_limit() -> None:
+    """None is stable for one sign of K₁K₂; a classical ball or other K have no formula."""
     assert stability_limit(replace(FIG10, K=(4.0, -5.0, 0.0))) == 0.0
     for some in (CLASSICAL, from_rest(0.3), replace(FIG10, K=(4.0, 5.0, 0.1))):
         assert stability_limit(some) is None
 
 
-def test_what_cannot_roll_straight_is_refused() -> None:
-    """A rubber ball whose Ω has a vertical part; levels of a ball with Ω = 0."""
+def test_impossible_straight_motions_are_refused() -> None:
+    """A rubber ball whose Ω has a vertical component; levels of a ball with Ω = 0."""
     with pytest.raises(InputError, match=naming("straight")):
         straight_motion(FIG10, GAMMA)
     with pytest.raises(InputError, match=naming("Omega")):
         straight_motions(replace(FIG10, Omega=(0.0, 0.0, 0.0)), 3.0)
 
 
-def test_two_of_four_are_stable_at_most_where_K_is_not_across_omega() -> None:
-    """60 random balls and levels between the square of K along Ω and K²: four lines, 0 or 2 stable.
+def test_at_most_two_of_four_straight_motions_are_stable() -> None:
+    """60 random balls with f between (K, Ω)²/Ω² and K²: four lines, of which 0 or 2 are stable.
 
-    Along the circle (Ω, γ) = 0 an eigenvalue changes its sign where M² is least or largest.
+    Along the circle (Ω, γ) = 0 an eigenvalue changes its sign where M² is extremal.
     """
     rng, counts = np.random.default_rng(1), set()
     for _ in range(60):

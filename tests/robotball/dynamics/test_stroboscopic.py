@@ -1,11 +1,10 @@
-"""The stroboscopic map of what is driven periodically, and what happens on its branches.
+"""The stroboscopic map of periodically driven scenes, and bifurcations on its branches.
 
-Period doublings are held to Mathieu's equation, a fold to the resonance of a tilt that softens, and
-a torus to a straight line's Hopf point.
-
-A ball without rotors whose centre of mass is b below (or, b < 0, above) its centre tilts in the
-rubber model, near rest, as θ'' = -(g + z'')/l θ, with the plane's acceleration z'' and l = J/(m b),
-where J is the moment of inertia about a horizontal axis through the contact point.
+Period doublings are compared with Mathieu's equation, a fold with the resonance of a softening
+tilt, a torus bifurcation with the Hopf point of a straight line. A ball without rotors whose centre
+of mass is b below (or, b < 0, above) its centre tilts in the rubber model, near rest, as θ'' = -(g
++ z'')/l θ, with the plane's acceleration z'' and l = J/(m b), where J is the moment of inertia
+about a horizontal axis through the contact point.
 """
 
 from dataclasses import replace
@@ -39,9 +38,10 @@ def _rate(side: float) -> float:
 
 
 def _ball(side: float, force: float, nu: float, across: float = _POINT) -> rb.Scene:
-    """Return the ball at rest on a plane whose acceleration is force·g·cos(ν t), z'' upwards.
+    """Return the ball at rest on a plane with the upward acceleration force·g·cos(ν t).
 
-    across: the moment of the point about y and z, which sets the two tilts apart [kg m²].
+    across: moment of the point mass about y and z, which gives the two tilts different rates [kg
+    m²].
     """
     shell = rb.Shell(_A, 0.2, _I, _I, np.array([0.0, 0.0, 1.0]))
     frame = rb.Frame(0.3, np.diag([_POINT, across, across]), np.array([0.0, 0.0, side * 0.05]))
@@ -55,7 +55,7 @@ def _ball(side: float, force: float, nu: float, across: float = _POINT) -> rb.Sc
 
 @cache
 def _closed(side: float, force: float, nu: float) -> Cycle:
-    """Return the fixed point near rest, from a start beside it."""
+    """Return the fixed point of the map near rest, from a start beside it."""
     scene = _ball(side, force, nu)
     beside, M = np.array([1.0, 0.01, -0.005, 0.0]), np.array([2e-4, 1e-4, 0.0])
     return close_strobed(scene, beside / np.linalg.norm(beside), M)
@@ -84,16 +84,14 @@ def _mathieu(side: float, force: float, nu: float) -> Array:
         pytest.param(1.0, 0.9, 4.0, marks=pytest.mark.slow),
     ],
 )
-def test_the_multipliers_are_those_of_mathieus_equation(
-    side: float, force: float, nu: float
-) -> None:
-    """Twice each, for both tilts; hanging in a tongue and out of it, and upright."""
+def test_multipliers_agree_with_mathieus_equation(side: float, force: float, nu: float) -> None:
+    """Each occurs twice, for both tilts: hanging inside and outside a tongue, and upright."""
     nu *= _rate(side)
     right, still = _mathieu(side, force, nu), _mathieu(side, 0.0, nu)
     found = _closed(side, force, nu)
     assert len(found.multipliers) == 4
     sizes = np.abs(found.multipliers)
-    # Measured 1e-10 and 2e-10, of the differences; 0.1 to 0.6 of a plane at rest.
+    # Measured 1e-10 and 2e-10, from the differences; 0.1 to 0.6 for a plane at rest.
     assert sizes == pytest.approx(np.repeat(np.abs(right), 2), abs=1e-8)
     assert found.multipliers.real.sum() == pytest.approx(2 * right.real.sum(), abs=1e-8)
     assert abs(found.multipliers.real.sum() - 2 * still.real.sum()) > 0.05
@@ -104,7 +102,7 @@ def test_the_multipliers_are_those_of_mathieus_equation(
 def test_a_branch_doubles_its_period_at_the_border_of_mathieus_tongue() -> None:
     """Over the plane's amplitude, for one of two tilts; the other tilt's tongue is elsewhere.
 
-    The branch that leaves there closes after two periods, and not after one.
+    Motions of the new branch close after two periods, and not after one.
     """
     nu = 2.2 * _rate(-1.0)
     border = float(brentq(lambda force: _mathieu(-1.0, force, nu).real.sum() + 2, 0.2, 0.6))
@@ -115,7 +113,7 @@ def test_a_branch_doubles_its_period_at_the_border_of_mathieus_tongue() -> None:
     x = np.array([*rest, np.log(period_of(scene)), 0.0])
     (_, flip, last), _ = co.half(problem, co.corrected(problem, x, np.eye(len(x))[-1]), 3)
     assert flip.kind == co.DOUBLING
-    # Measured 7e-12, of the differences; a moment of inertia larger by 1 % moves it by 0.02.
+    # Measured 7e-12, from the differences; 1 % more inertia shifts it by 0.02.
     assert family.value(flip.x[-1]) / _G == pytest.approx(border, abs=1e-8)
     beyond = np.exp(last.exponents[last.exponents.real != 0]).real
     right = _mathieu(-1.0, family.value(last.x[-1]) / _G, nu).real
@@ -130,10 +128,10 @@ def test_a_branch_doubles_its_period_at_the_border_of_mathieus_tongue() -> None:
 
 
 @pytest.mark.parametrize(("longest", "bound"), [(None, 4 / 0.5), (3.0, 3.0)])
-def test_a_branch_ends_at_four_periods_or_at_the_longest_told(
+def test_a_branch_ends_at_four_periods_or_at_the_given_limit(
     longest: float | None, bound: float
 ) -> None:
-    """By the slowest of the range, which has its longest period."""
+    """The period is the longest in the range."""
     problem = Driven(_ball(-1.0, 0.1, 5.0), "frequency", 0.5, 1.0, longest).problem()
     within, beyond = (problem.end(np.array([np.log(side * bound)])) for side in (0.99, 1.01))
     assert within == ""
@@ -146,7 +144,7 @@ _OWN = float(np.sqrt(_G * _M * _B / _J0))  # rad/s, of small tilts about Y
 
 
 def _sideways(nu: float) -> rb.Scene:
-    """Return the ball that hangs, the plane shaken along X."""
+    """Return the hanging ball on a plane that is shaken along X."""
     scene = _ball(-1.0, _SHAKEN, nu, _ACROSS)
     return replace(scene, plane_motion=(scene.plane_motion[2], 0.0, 0.0))
 
@@ -154,10 +152,9 @@ def _sideways(nu: float) -> rb.Scene:
 def _resonant(theta: float, across: float = _ACROSS) -> float:
     """Return the frequency [rad/s] of the swing in the plane X, Z whose turning point is theta.
 
-    across: the moment of inertia of the weight about Y [kg m²].
-
-    J(θ)θ'' + mab sin θ θ'² + mgb sin θ = -x''(Ma - mb cos θ), with J = J₀ + 2 mab(1 - cos θ) and
-    the plane's acceleration x''; at rest at both ends of half a period.
+    across: moment of inertia of the weight about Y [kg m²]. J(θ)θ'' + mab sin θ θ'² + mgb sin θ =
+    -x''(Ma - mb cos θ), with J = J₀ + 2 mab(1 - cos θ) and the plane's acceleration x''; at rest at
+    both ends of half a period.
     """
 
     def rate(t: float, y: Array, nu: float) -> list[float]:
@@ -180,11 +177,11 @@ def _resonant(theta: float, across: float = _ACROSS) -> float:
 _ACCURATE = partial(rb.simulate, settings="accurate")
 
 
-def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> None:
-    """Where no swing follows the plane any more: a motion from there is thrown to large tilts.
+def test_a_softening_resonance_folds_where_the_planar_swing_does() -> None:
+    """Beyond the fold no swing follows the plane: a motion from there is thrown to large tilts.
 
-    By harmonic balance ω² = 1 - 2c θ² - F/θ in units of small tilts, of the backbone 1 - cθ², where
-    c = 1/16 + κ/4 with κ = mab/J₀; of a pendulum κ = 0. It is largest at θ³ = F/4c.
+    By harmonic balance ω² = 1 - 2c θ² - F/θ in units of small tilts, with the backbone 1 - cθ² and
+    c = 1/16 + κ/4, κ = mab/J₀ (0 for a pendulum). It is largest at θ³ = F/4c.
     """
     theta = -0.4377
     scene = _sideways(nu := _resonant(theta))
@@ -193,12 +190,12 @@ def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> Non
     s = (nu / (2 * np.pi) - family.low) / (family.high - family.low)
     x = np.array([*family.vector(tilted, np.zeros(3)), np.log(2 * np.pi / nu), s])
     problem = family.problem()
-    # Of the swing from the second formulation the map leaves 3e-11.
+    # The swing of the second formulation has a residual of 3e-11.
     assert np.abs(problem.look(x[:-1], s)[0]).max() < 1e-9
     point = co.corrected(problem, x, np.eye(len(x))[-1])
     up = replace(point, tangent=point.tangent * np.sign(point.tangent[-1]))
     points, _ = co.half(problem, up, 3)
-    (fold,) = (each for each in points if each.kind)
+    (fold,) = (point for point in points if point.kind)
     assert fold.kind == co.FOLD  # and no branch point, though the heading is free
     found = 2 * np.pi * family.value(fold.x[-1])
     top = minimize_scalar(lambda theta: -_resonant(theta), bracket=(-0.42, -0.44, -0.46), tol=1e-5)
@@ -207,13 +204,13 @@ def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> Non
     c = 1 / 16 + kappa / 4
     force = _SHAKEN * (0.5 * _A - _M * _B) / (_M * _B)
     law = np.sqrt(1 - 6 * c * (force / (4 * c)) ** (2 / 3))
-    # Measured 1.6e-3, of the next order; without κ, 0.025.
+    # Measured 1.6e-3, the next order; without κ 0.025.
     assert found / _OWN == pytest.approx(law, abs=3e-3)
-    # MuJoCo's motions from points before the fold, at it and beyond it repeat, to 2e-11, 4e-11 and
-    # 1e-11; from beside the branch, with a little more momentum about Y, they do not.
-    for each in (points[0], fold, points[-1]):
-        assert family.return_error(each.x, _ACCURATE) < 3e-10
-        beside = each.x + 1e-3 * np.eye(len(each.x))[4]
+    # MuJoCo's motions from points before, at and beyond the fold repeat to 2e-11, 4e-11 and
+    # 1e-11; from beside the branch, with slightly more momentum about Y, they do not.
+    for point_ in (points[0], fold, points[-1]):
+        assert family.return_error(point_.x, _ACCURATE) < 3e-10
+        beside = point_.x + 1e-3 * np.eye(len(point_.x))[4]
         assert family.return_error(beside, _ACCURATE) > 1e-5
     tilts = []
     for nu in (0.998 * found, 1.002 * found):
@@ -223,20 +220,21 @@ def test_a_resonance_that_softens_folds_where_its_swing_in_a_plane_does() -> Non
 
 
 def test_the_folds_on_the_page_are_those_of_the_tilts() -> None:
-    """Of `shaken_ball`, about y and x: to the digits that `robotball dynamics branches` prints."""
+    """Of `shaken_ball`, about y and x, to the digits that `robotball dynamics branches` prints."""
     inertia = rb.load_scene("shaken_ball").ball.frame.inertia
     for axis, folded in ((1, 0.8269691), (0, 0.8358581)):
         top = minimize_scalar(
             lambda theta, i=axis: -_resonant(theta, float(inertia[i, i])),
-            bracket=(-0.42, -0.44, -0.46), tol=1e-5,
-        )  # fmt: skip
+            bracket=(-0.42, -0.44, -0.46),
+            tol=1e-5,
+        )
         assert -top.fun / (2 * np.pi) == pytest.approx(folded, abs=1e-7)
 
 
 def test_a_torus_is_born_near_the_hopf_point_of_a_line() -> None:
-    """Of Fig. 10's ball, whose frame's rate swings by a small part: 16/7.69 and its square beside.
+    """For Fig. 10's ball with a slightly oscillating frame rate, at 16/7.69.
 
-    There two multipliers of the map by the reduced equations are on the unit circle.
+    There two multipliers of the map, computed with the reduced equations, are on the unit circle.
     """
     hopf, moved = 16 / 7.69, []
     for swing in (0.2, 0.4):
@@ -248,7 +246,7 @@ def test_a_torus_is_born_near_the_hopf_point_of_a_line() -> None:
         x = np.array([*line, *M / family.at(s)[1], np.log(0.5), s])
         point = co.corrected(problem := family.problem(), x, np.eye(len(x))[-1])
         up = replace(point, tangent=point.tangent * np.sign(point.tangent[-1]))
-        (torus,) = (each for each in co.half(problem, up, 4)[0] if each.kind)
+        (torus,) = (point_ for point_ in co.half(problem, up, 4)[0] if point_.kind)
         assert torus.kind == co.HOPF
         moved.append(family.value(torus.x[-1]) - hopf)
         at = family.at(torus.x[-1])
@@ -257,17 +255,18 @@ def test_a_torus_is_born_near_the_hopf_point_of_a_line() -> None:
         _, found = tangent(partial(stroboscopic_map, at[0]), attitude[None], momentum[None], turns)
         pair = np.linalg.eigvals(found[0, :3])
         pair = pair[pair.imag != 0]
-        # Measured 4e-10, of the differences; 9e-6 at the start.
+        # Measured 4e-10, from the differences; 9e-6 at the start.
         assert np.abs(pair) == pytest.approx([1.0, 1.0], abs=1e-8)
     assert moved[0] == pytest.approx(-1.016e-4, rel=0.01)
     assert moved[1] / moved[0] == pytest.approx(4.0, rel=0.02)  # measured 3.974
 
 
 def _lines_that_close() -> tuple[Driven, float, float, float]:
-    """Return Fig. 10's ball with a slow rotor and a frame whose rate swings, over f, and three f.
+    """Return Fig. 10's ball with a slow rotor and an oscillating frame rate over f, and three f.
 
-    Without the swing straight lines have γ across Ω and f = K² - (K, γ)², from (K, Ω)²/Ω² to K²:
-    one closed branch. Returned are both ends and a line's f near the upper one, where it starts.
+    Without the oscillation, straight lines have γ orthogonal to Ω and f = K² - (K, γ)², from (K,
+    Ω)²/Ω² to K²: one closed branch. Returned are both ends, and a line's f near the upper one,
+    where it starts.
     """
     rotor = Constant(0.1 * rb.load_scene("fig10").drives[1].rate(0.0))
     steady = rb.load_scene("fig10").with_hinges(command={"rotor1": rotor})
@@ -282,9 +281,9 @@ def _lines_that_close() -> tuple[Driven, float, float, float]:
 
 
 def test_a_driven_branch_folds_inside_the_range() -> None:
-    """Nothing is found at either end; from inside, the fold is where the lines' is, to 3e-8.
+    """Nothing is found at either end; from inside, the fold agrees with the lines' to 3e-8.
 
-    The swing moves it by its square: measured 1.3e-8.
+    The shift is second order in the oscillation: measured 1.3e-8.
     """
     family, _, high, own = _lines_that_close()
     problem, T = family.problem(), np.log(period_of(family.scene))
@@ -294,14 +293,14 @@ def test_a_driven_branch_folds_inside_the_range() -> None:
         assert co.reached(problem, np.append(u, s)) == []
     start = np.append(u, (own - family.low) / (family.high - family.low))
     points, _ = co.half(problem, co.corrected(problem, start), 6)
-    (fold,) = (each for each in points if each.kind)
+    (fold,) = (point_ for point_ in points if point_.kind)
     assert fold.kind == co.FOLD
     assert family.value(fold.x[-1]) == pytest.approx(high, abs=3e-8)
 
 
 @pytest.mark.study
-def test_a_driven_branch_that_closes_inside_the_range_is_found() -> None:
-    """From the scene's own value, not from the ends; once, though all values inside see it."""
+def test_a_driven_branch_that_closes_inside_the_range_is_found_once() -> None:
+    """From the scene's own value, not from the ends; all interior values lead to it."""
     family, low, high, _ = _lines_that_close()
     places: list[float] = []
     found = []
@@ -313,30 +312,31 @@ def test_a_driven_branch_that_closes_inside_the_range_is_found() -> None:
     for branch in swinging(family, Places()):
         found.append((branch, len(places)))
     ((branch, at),) = found
-    assert at > 2  # the ends are the first two
+    assert at > 2  # the first two are the ends
     assert len(places) == 6
     assert branch.ends == (co.CLOSES, co.CLOSES)
-    folds = sorted(family.value(each.x[-1]) for each in branch.special(co.FOLD))
-    # Measured 1.3e-8, by the swing's square.
+    folds = sorted(family.value(point_.x[-1]) for point_ in branch.special(co.FOLD))
+    # Measured 1.3e-8, the square of the oscillation.
     assert folds == pytest.approx([low, low, high, high], abs=3e-8)
 
 
 @pytest.mark.parametrize("nu", [2.0, 10.0])
-def test_vibration_holds_no_ball_upright_that_stays_on_the_plane(nu: float) -> None:
-    """It lies on the plane up to z'' = g, where g + z'' > 0 pulls every tilt on; beyond, none lies.
+def test_vibration_cannot_stabilise_an_upright_ball_that_stays_on_the_plane(nu: float) -> None:
+    """It stays on the plane for z'' >= -g, where g + z'' > 0 amplifies every tilt.
 
-    Averaged, (A ν)² > 2 g l would hold a pendulum upright. Of such vibrations A ν² > g.
+    On average (A ν)² > 2 g l would stabilise a pendulum upright, but such vibrations have A ν² >
+    g.
     """
     rate = _rate(1.0)
     largest = float(np.abs(_mathieu(1.0, 0.999, nu * rate)).max())
-    assert largest > 1  # measured 21 and 1.9; the next is a control, of a pendulum on its pivot
+    assert largest > 1  # measured 21 and 1.9; the next is a control, a pendulum on a fixed pivot
     assert np.abs(_mathieu(1.0, 30.0, 20 * rate)).max() == pytest.approx(1.0, abs=1e-6)
     with pytest.raises(InputError, match=naming("plane t~=")):
         rb.integrate(_ball(1.0, 1.01, nu * rate), rb.sample_times(2 * np.pi / nu / rate))
 
 
-def test_the_period_of_what_drives_a_scene() -> None:
-    """The least in which all drives and the plane repeat, with whole turns of mass off the axle."""
+def test_the_period_of_a_scene_is_common_to_all_drives() -> None:
+    """The least time in which all drives, the plane, and full turns of unbalanced mass repeat."""
     wobbling, beaver = rb.load_scene("wobbling_drive"), rb.load_scene("beaver_ball")
     assert period_of(wobbling) == pytest.approx(10.0, rel=1e-12)  # of 0.5 and 0.8 Hz
     assert period_of(beaver) == pytest.approx(2 * np.pi / 6, rel=1e-12)
@@ -345,17 +345,17 @@ def test_the_period_of_what_drives_a_scene() -> None:
     assert period_of(both) == pytest.approx(4 * np.pi / 6, rel=1e-12)  # two turns, three swings
 
 
-def test_what_has_no_period_is_refused() -> None:
-    """By its name, and why."""
+def test_scenes_without_a_period_are_refused() -> None:
+    """The message names the scene and the reason."""
     balanced = rb.load_scene("fig12")
     apart = {
         "frame": rb.Sine(amplitude=1.0, frequency=1.0),
         "rotor1": rb.Sine(amplitude=1.0, frequency=np.pi),
     }
     table = [
-        (balanced, "fig12 periodically"),
+        (balanced, "fig12 periodic"),
         (rb.load_scene("spin_up_from_rest"), "constant sines ramp"),
-        (rb.load_scene("pendulum_robot"), "motor state"),
+        (rb.load_scene("pendulum_robot"), "motors states"),
         (balanced.with_hinges(command=apart), "1 3.14159~Hz period"),
     ]
     for scene, facts in table:

@@ -1,8 +1,8 @@
-"""Branches over a whole range, held against brute force: what stands still at each of 400 values.
+"""Branches over a whole range, compared with all equilibria at each of 400 values.
 
-From rest a fixed point has ω = sγ with s = (Ω, γ), so that A⁻¹sγ + K = λγ: with t = λ/s and
-b = 1/a it is γ ~ K/(t - b), where t is a real zero of a quintic, Σ K²/(t - b)² = Σ ΩK/(t - b).
-Straight lines at each value are those of the closed form.
+From rest a fixed point has ω = sγ with s = (Ω, γ), so A⁻¹sγ + K = λγ. With t = λ/s and b = 1/a, γ
+~ K/(t - b), where t is a real zero of the quintic Σ K²/(t - b)² = Σ ΩK/(t - b). Straight lines at
+each value are given by the closed form.
 """
 
 from collections.abc import Callable
@@ -20,12 +20,12 @@ from tests.figures import ball
 
 BALLS = 20
 VALUES = 400
-# How many stand still, of how many a pair can be imaginary, and of these with a positive pair.
+# Numbers of equilibria: all, with a possibly imaginary pair, and with a positive real part.
 Counts = tuple[int, int, int]
 
 
 def at_rest(family: Family, s: float) -> Counts:
-    """Fixed points from rest: with det > 0, and of these with a trace above 0."""
+    """Return the numbers of fixed points: all, with det > 0, and of these with a trace above 0."""
     p = family.at(s)[0]
     K, Omega, b = np.array(p.K), np.array(p.Omega), 1 / np.array(p.A)
     quintic = np.poly1d([0.0])
@@ -35,18 +35,18 @@ def at_rest(family: Family, s: float) -> Counts:
     t = quintic.roots
     gamma = K[:, None] / (t[t.imag == 0].real - b[:, None])
     gamma /= np.linalg.norm(gamma, axis=0)
-    out = gamma[:, None] + 1e-30j * np.eye(3)[:, :, None]  # a component, a direction, a point
+    out = gamma[:, None] + 1e-30j * np.eye(3)[:, :, None]  # component, direction, point
     rate = np.array(eq.cross(tuple(out), p.angular_velocity((0.0, 0.0, 0.0), tuple(out))))
     across = np.eye(3)[:, :, None] - gamma[:, None] * gamma
     linear = np.einsum("ijn,jkn,kln->nil", across, rate.imag / 1e-30, across)
     trace = np.trace(linear, axis1=1, axis2=2)
     positive = trace**2 > np.trace(linear @ linear, axis1=1, axis2=2)
-    # Of each pair γ, -γ both.
+    # Both of each pair γ, -γ.
     return 2 * len(trace), 2 * int(positive.sum()), 2 * int((positive & (trace > 0)).sum())
 
 
 def lines(family: Family, s: float) -> Counts:
-    """Straight lines: with c₁ > 0, and of these with c₂c₁ < c₀, by Routh and Hurwitz."""
+    """Return the numbers of lines: all, with c₁ > 0, and of these with c₂c₁ < c₀."""
     p, size, c = family.at(s)
     of = [line.polynomial for line in straight_motions(p, size * size, c * size)]
     return (
@@ -57,7 +57,7 @@ def lines(family: Family, s: float) -> Counts:
 
 
 def random_family(seed: int, moving: bool) -> Family:
-    """A random ball over one of its six numbers from -6 to 6; every second moving one classical."""
+    """Return a random ball over one of its six numbers, -6 to 6; half with M ≠ 0 are classical."""
     rng = np.random.default_rng(seed)
     A, Omega, K = rng.uniform(0.3, 1.0, 3), rng.normal(size=3) * 2, rng.normal(size=3) * 2
     name = f"{rng.choice(['K', 'Omega'])}{rng.integers(1, 4)}"
@@ -68,10 +68,10 @@ def random_family(seed: int, moving: bool) -> Family:
 
 
 def missed(family: Family, counts: Callable[[Family, float], Counts]) -> list[str]:
-    """What the values show and the branches lack, between which values."""
-    points = [point for each in resting(family) for point in each.special(FOLD, BRANCH, HOPF)]
+    """Return the intervals of values whose counts show a bifurcation missing on the branches."""
+    points = [point for branch in resting(family) for point in branch.special(FOLD, BRANCH, HOPF)]
     s = (np.arange(VALUES) + 0.5) / VALUES
-    seen = [counts(family, each) for each in s]
+    seen = [counts(family, value) for value in s]
     lacking = []
     for low, high, one, other in zip(s, s[1:], seen, seen[1:], strict=False):
         within = [p.kind == HOPF for p in points if low <= p.x[-1] <= high]
@@ -95,16 +95,16 @@ QUICK = {False: 1, True: 3}  # of fixed points and of lines: balls with folds an
         for seed in range(BALLS)
     ],
 )
-def test_every_fold_and_hopf_point_that_values_show_is_on_a_branch(seed: int, moving: bool) -> None:
-    """Between any two of 400 values where a count changes there are as many points, or more."""
+def test_every_fold_and_hopf_point_between_values_is_on_a_branch(seed: int, moving: bool) -> None:
+    """Between two of 400 values with different counts there are at least as many special points."""
     assert missed(random_family(seed, moving), lines if moving else at_rest) == []
 
 
-def test_from_the_ends_alone_branches_inside_are_missed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A classical ball's closed branch of lines that is an eightieth of the range long.
+def test_starting_only_at_the_ends_misses_branches_inside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A classical ball has a closed branch of lines that covers an eightieth of the range.
 
-    It has two Hopf points and more, and is missed from twenty values inside as well.
+    It has at least two Hopf points, and is missed from twenty interior values as well.
     """
     monkeypatch.setattr(motion_branches, "_LINES", 0)
     lacking = missed(random_family(3, True), lines)
-    assert any("Hopf points from -1.9" in each for each in lacking)
+    assert any("Hopf points from -1.9" in line for line in lacking)

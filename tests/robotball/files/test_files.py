@@ -1,4 +1,4 @@
-"""Files of users are regular ones of a limited length; what is written is whole or not there."""
+"""Only regular files of limited length are read; files are written completely or not at all."""
 
 import os
 from collections.abc import Callable
@@ -28,16 +28,16 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_neither_a_device_nor_a_file_without_end_is_read(tmp_path: Path, name: str) -> None:
-    """Nor one that a link names: /dev/zero has no end, and a pipe keeps its reader waiting.
+def test_devices_and_endless_files_are_not_read(tmp_path: Path, name: str) -> None:
+    """Nor links to them: /dev/zero never ends, and a pipe blocks its reader.
 
-    10 MB are enough for a scene, and a table has 4000; these 5 GB take no place on the disk.
+    10 MB suffice for a scene, and 4000 MB for a table; the test's sparse 5 GB take no disk space.
     """
     check_length(READERS[name], tmp_path / name)
 
 
 def check_length(read: Callable[[Path], object], path: Path) -> None:
-    """Neither a device nor a file of 5 GB is read."""
+    """Assert that neither a device nor a file of 5 GB is read."""
     path.symlink_to(os.devnull)
     with pytest.raises(rb.InputError, match=naming("regular~file")) as error:
         read(path)
@@ -61,7 +61,7 @@ def test_a_file_of_the_greatest_length_is_read(tmp_path: Path) -> None:
 def test_a_small_file_does_not_fill_the_memory(
     tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A million equal numbers, 8 MB, are a few kB in a file; the limit is that of any other."""
+    """A million equal numbers, 8 MB, compress to a few kB; they count by their unpacked size."""
     path, zeros = tmp_path / f"zeros{suffix}", np.zeros(500_000)
     if suffix == ".npz":
         np.savez_compressed(path, x=zeros, y=zeros)
@@ -69,13 +69,13 @@ def test_a_small_file_does_not_fill_the_memory(
         pyarrow, parquet = map(pytest.importorskip, ("pyarrow", "pyarrow.parquet"))
         parquet.write_table(pyarrow.table({"x": zeros, "y": zeros}), path)
     assert read_table(path).columns["x"].shape == zeros.shape
-    monkeypatch.setattr(table_file, "_MOST_BYTES", 1_000_000)
+    monkeypatch.setattr(table_file, "_MAX_MEMORY", 1_000_000)
     with pytest.raises(rb.InputError, match=naming("8~MB 1")):
         read_table(path)
 
 
-def test_no_two_writers_share_a_temporary_file(tmp_path: Path) -> None:
-    """Processes of two machines may have the same number; a name may be as long as any."""
+def test_two_writers_never_share_a_temporary_file(tmp_path: Path) -> None:
+    """Processes of two machines may have the same number; names may have the greatest length."""
     path = tmp_path / ("n" * 250 + ".json")
     with replacing(path) as first, replacing(path) as second:
         assert first != second

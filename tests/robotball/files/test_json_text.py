@@ -1,4 +1,4 @@
-"""Results as JSON: anything is written, and what is written is strict JSON."""
+"""Any result can be written as JSON, and the JSON is strict."""
 
 import json
 import math
@@ -21,21 +21,21 @@ from tests.pages import Page
 
 @dataclass
 class Point:
-    """A dataclass of anything."""
+    """A dataclass with any value."""
 
     x: Any
     y: Any = math.nan
 
 
 class Pair(msgspec.Struct):
-    """A msgspec struct of anything."""
+    """A msgspec struct with any value."""
 
     a: Any
     b: Any = None
 
 
 class Colour(Enum):
-    """Members with values of two types."""
+    """An enumeration with values of two types."""
 
     RED = "red"
     BLUE = np.float32(3)
@@ -51,7 +51,7 @@ class Broken(Mapping[str, Any]):
 
 
 def strict(text: str) -> Any:
-    """Read JSON without the NaN and Infinity that Python's reader takes as well."""
+    """Read JSON, refusing the NaN and Infinity that Python's reader accepts."""
 
     def refused(constant: str) -> NoReturn:
         raise ValueError(constant)
@@ -60,10 +60,13 @@ def strict(text: str) -> Any:
 
 
 NUMBERS = st.one_of(
-    st.integers(), st.integers(300, 5000).map(lambda n: 10**n), st.floats(), st.fractions(),
+    st.integers(),
+    st.integers(300, 5000).map(lambda n: 10**n),
+    st.floats(),
+    st.fractions(),
     st.complex_numbers(),
     *(arrays(kind, ()).map(lambda a: a[()]) for kind in (float, np.float32, int, bool, complex)),
-)  # fmt: skip
+)
 LEAVES = st.one_of(
     NUMBERS, st.none(), st.booleans(), st.text(), st.text(st.characters(categories=["Cs"])),
     st.binary(), st.sampled_from([Path("a/b"), *Colour, Colour, Broken(), object(), len]),
@@ -73,25 +76,29 @@ KEYS = st.one_of(st.text(), st.integers(), st.floats(), st.sampled_from([*Colour
 ANYTHING = st.recursive(
     LEAVES,
     lambda parts: st.one_of(
-        st.lists(parts), st.dictionaries(KEYS, parts), st.tuples(parts, parts),
-        st.builds(Point, parts), st.builds(Pair, parts), st.frozensets(st.integers()),
-        parts.map(lambda each: np.array([each, None], dtype=object)),
+        st.lists(parts),
+        st.dictionaries(KEYS, parts),
+        st.tuples(parts, parts),
+        st.builds(Point, parts),
+        st.builds(Pair, parts),
+        st.frozensets(st.integers()),
+        parts.map(lambda part: np.array([part, None], dtype=object)),
     ),
     max_leaves=20,
-)  # fmt: skip
+)
 
 
 @settings(max_examples=60)
 @given(ANYTHING, st.sampled_from([None, 1]))
 def test_any_nested_result_is_written_as_strict_json(value: object, indent: int | None) -> None:
-    """It is UTF-8 as well, and on one line if it is not indented."""
+    """It is valid UTF-8, and on one line unless indented."""
     text = json_text(value, indent)
     strict(text.encode().decode())
     assert indent is not None or "\n" not in text
 
 
 def endless() -> Iterator[int]:
-    """Yield for ever."""
+    """Yield forever."""
     while True:
         yield 1
 
@@ -116,7 +123,7 @@ VALUES = {
     "half a character": ("a\ud800", "a?"),
     "complex": (1 + 2j, "(1+2j)"),
     "broken": (Broken(), "<Broken>"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", VALUES)
@@ -132,8 +139,8 @@ def test_what_has_no_end_is_cut_off_as_text(value: object) -> None:
 
 
 @given(st.text(st.sampled_from("<!-/scriptSCRIPT>&\"' \u2028")) | st.just("<!--<script>"))
-def test_no_text_ends_the_script_that_it_is_in(text: str) -> None:
-    """Nor does it begin a comment, within which the script's own end tag would not count."""
+def test_embedded_json_cannot_end_its_script(text: str) -> None:
+    """Nor start a comment, in which the script's end tag would not count."""
     embedded = embedded_json({text: [text]})
     page = Page(f'<script type="application/json">{embedded}</script><script>end</script>')
     assert [strict(page.scripts[0]), page.scripts[1]] == [{text: [text]}, "end"]

@@ -1,4 +1,4 @@
-"""A scene is written whole, to the last bit."""
+"""Scenes are written and read again to the last bit."""
 
 from dataclasses import replace
 
@@ -28,10 +28,10 @@ texts = st.just('\x00\x7f\t\r\n"""\\🎱') | st.text(st.characters(exclude_categ
 
 @st.composite
 def scenes(draw: st.DrawFn) -> rb.Scene:
-    """Any robot, with any rates, plane and texts."""
+    """Draw any robot, with any rates, plane and texts."""
     scene = random_scene(np.random.default_rng(draw(st.integers(0, 2**32))))
-    # What a free hinge is commanded is not used, and not written.
-    told = [0.0 if isinstance(each.motor, Free) else draw(rates) for each in scene.hinges]
+    # The command of a free hinge is not used, and not written.
+    told = [0.0 if isinstance(hinge.motor, Free) else draw(rates) for hinge in scene.hinges]
     return replace(
         scene,
         title=draw(texts),
@@ -45,6 +45,6 @@ def scenes(draw: st.DrawFn) -> rb.Scene:
 
 @settings(max_examples=100)
 @given(scene=scenes())
-def test_any_scene_comes_back(scene: rb.Scene) -> None:
-    """Whatever its bodies, rates and texts, from quotes to control characters."""
+def test_any_scene_is_restored_from_its_text(scene: rb.Scene) -> None:
+    """With any bodies, rates and texts, including quotes and control characters."""
     assert replace(scene_of(rb.scene_toml(scene)), name=scene.name) == scene

@@ -1,4 +1,4 @@
-"""Motions come back to the last bit; others' trajectories as they are meant, or are refused."""
+"""Motions are restored to the last bit; foreign trajectories are understood or refused."""
 
 import io
 import sys
@@ -25,10 +25,10 @@ NAMES = "t,x,y,qw,qx,qy,qz"
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["chaplygin_ball", "three_rotors"])
-def test_a_motion_comes_back_to_the_last_bit(name: str, kind: str, tmp_path: Path) -> None:
-    """Every array of a motion and of its loads, and the engine's label, also of a single hinge.
+def test_a_motion_is_restored_to_the_last_bit(name: str, kind: str, tmp_path: Path) -> None:
+    """Every array of the motion and its loads, and the engine's label, also with a single hinge.
 
-    The least and the largest number, minus zero, and what a run that diverged leaves, too.
+    Including the least and the largest number, minus zero, and the NaN and inf of a diverged run.
     """
     if kind == "parquet":
         pytest.importorskip("pyarrow")
@@ -44,9 +44,9 @@ def test_a_motion_comes_back_to_the_last_bit(name: str, kind: str, tmp_path: Pat
 
 
 def test_the_header_has_the_scene_the_engine_and_the_units(tmp_path: Path) -> None:
-    """The scene's TOML makes the same scene; a motion needs nothing beside its file.
+    """The scene's TOML restores the scene, so a motion needs no other file.
 
-    From a contact engine's timestep the order of convergence of several files is told.
+    A contact engine's timestep allows several files to show the order of convergence.
     """
     motion = rb.simulate(FIG12, np.linspace(0, 0.1, 5), settings="balanced")
     motion.save(tmp_path / "m.csv")
@@ -65,10 +65,10 @@ def test_the_header_has_the_scene_the_engine_and_the_units(tmp_path: Path) -> No
         rb.load_motion(tmp_path / "m.csv", rb.load_scene("three_rotors"))
 
 
-def test_a_motion_is_saved_as_a_known_kind_of_file_alone(
+def test_a_motion_is_saved_only_in_known_formats(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without pyarrow the extra is named, and the kinds that need none; no file is left."""
+    """Without pyarrow the error names the extra and the other formats; no file is left."""
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     motion = rb.integrate(FIG12, np.linspace(0, 1, 5))
     with pytest.raises(rb.InputError, match=naming("parquet .csv .npz")):
@@ -94,7 +94,7 @@ def assert_is_the_plain_one(trajectory: Trajectory) -> None:
     assert trajectory.attitude.tolist() == [[1, 0, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0]]
 
 
-# What simulators call positions and quaternions before x, y, z and w; the last of them is ROS.
+# Names of positions and quaternions in simulators, before x, y, z and w; the last is ROS.
 PLACES = ("p", "pos_", "position.", "contact_", "pose.position.")
 TURNS = ("quat_", "quaternion.", "orientation_", "rot_", "pose.orientation.")
 SAME = {
@@ -118,16 +118,16 @@ SAME = {
 
 
 @pytest.mark.parametrize("text", SAME.values(), ids=SAME)
-def test_what_is_written_in_another_way_is_read_the_same(tmp_path: Path, text: str | bytes) -> None:
-    """Delimiters, line ends, comments, names; of a byte order mark a line is told."""
+def test_other_notations_are_read_the_same(tmp_path: Path, text: str | bytes) -> None:
+    """Delimiters, line ends, comments, names. A byte order mark gives a note."""
     trajectory = read(tmp_path, text, "run.txt")
     assert_is_the_plain_one(trajectory)
     marked = isinstance(text, bytes) or text[0] == "\ufeff"
     assert untold(["byte~order~mark"] if marked else [], trajectory.notes) == []
 
 
-def test_columns_may_stand_in_any_order_with_others_among_them(tmp_path: Path) -> None:
-    """Unknown columns are kept by their own names."""
+def test_columns_may_have_any_order_and_others_among_them(tmp_path: Path) -> None:
+    """Unknown columns keep their names."""
     rows = "0,5,1,0,0,0,0,0,1,2\n0,6,0.6,2,0.5,0,1,0.8,1,2\n0,7,0,4,1,1,3,0,1,2\n"
     trajectory = read(tmp_path, f"qz,energy,qw,y,t,qy,x,qx,z,x_error\n{rows}")
     assert_is_the_plain_one(trajectory)
@@ -147,8 +147,8 @@ def test_columns_may_stand_in_any_order_with_others_among_them(tmp_path: Path) -
         f'# units: {{"t": "ms", "x": "mm", "y": "mm"}}\n{PLAIN}',
     ],
 )
-def test_units_that_the_file_names_are_taken_and_told(tmp_path: Path, text: str) -> None:
-    """By the title of a column, a line below it, or a comment."""
+def test_units_in_the_file_are_applied_and_noted(tmp_path: Path, text: str) -> None:
+    """From a column's title, a line below it, or a comment."""
     trajectory = read(tmp_path, text)
     assert trajectory.times.tolist() == [0, 0.0005, 0.001]
     assert trajectory.position[2, :2].tolist() == [0.003, 0.004]
@@ -168,8 +168,10 @@ SIZES = {
 @pytest.mark.parametrize(
     ("names", "unit", "si"), [(n, u, si) for n, sizes in SIZES.items() for u, si in sizes.items()]
 )
-def test_each_unit_has_its_size(tmp_path: Path, names: list[str], unit: str, si: float) -> None:
-    """Seconds, metres and rad/s, in every column that has them; no other column is changed."""
+def test_each_unit_is_converted_correctly(
+    tmp_path: Path, names: list[str], unit: str, si: float
+) -> None:
+    """Seconds, metres and rad/s in all their columns; other columns are unchanged."""
     units = ", ".join(f"{name} {unit}" for name in names)
     rows = "".join(f"{t},{t},{t},{t},1,0,0,0,{t},{t},{t}\n" for t in (0, 3))
     found = read(tmp_path, f"t,x,y,z,qw,qx,qy,qz,wx,wy,wz\n# units: {units}\n{rows}")
@@ -179,8 +181,8 @@ def test_each_unit_has_its_size(tmp_path: Path, names: list[str], unit: str, si:
     assert values == pytest.approx(expected, rel=1e-15)
 
 
-def test_arrays_of_an_npz_may_be_whole(tmp_path: Path) -> None:
-    """Positions (n, 3) and quaternions (n, 4), and what a simulator keeps beside them."""
+def test_arrays_of_an_npz_are_split_into_columns(tmp_path: Path) -> None:
+    """Positions (n, 3) and quaternions (n, 4); a simulator's other data is skipped."""
     plain = read(tmp_path, PLAIN)
     omega = np.arange(9.0).reshape(3, 3)
     np.savez(
@@ -203,12 +205,13 @@ def test_arrays_of_an_npz_may_be_whole(tmp_path: Path) -> None:
         read_trajectory(tmp_path / "b.npz")
 
 
-def test_a_long_file_is_read_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Comments and faults in any piece; the peak of memory is a few times the numbers alone.
+def test_a_long_file_is_read_in_chunks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With comments and faults in any chunk; the memory peak is a few times the numbers.
 
-    Measured 2.8 times, in five pieces; 9.9 in one, where all numbers are Python's for a while.
+    Measured 2.8 times with five chunks, 9.9 times with one, which holds all numbers as Python
+    floats.
     """
-    monkeypatch.setattr(table_file, "_LINES", 2_000)
+    monkeypatch.setattr(table_file, "_CHUNK", 2_000)
     rows = [f"{i},1.5,2.5,1,0,0,0\n" for i in range(10_000)]
     rows[7_000] = "# halfway\n" + rows[7_000]
     path = tmp_path / "run.csv"
@@ -230,7 +233,7 @@ DEEP = "[" * 100_000 + "]" * 100_000
 
 
 def zipped(packing: int = zipfile.ZIP_STORED, **members: bytes) -> bytes:
-    """An NPZ with these members."""
+    """Return an NPZ with these members."""
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w", packing) as file:
         for name, data in members.items():
@@ -239,13 +242,13 @@ def zipped(packing: int = zipfile.ZIP_STORED, **members: bytes) -> bytes:
 
 
 def member(descr: str, shape: object) -> bytes:
-    """An array of which there is only the header."""
+    """Return the header of an array without its data."""
     header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}".encode()
     return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
 
 
 def saved(text: str) -> bytes:
-    """An array of one text, as NumPy saves it."""
+    """Return an array of one text as NumPy saves it."""
     whole = io.BytesIO()
     np.save(whole, np.array(text))
     return whole.getvalue()
@@ -257,9 +260,8 @@ NPZS = {
     "recursion": zipped(header=saved('{"a": ' + DEEP + "}")),
     "EOF multi-line": zipped(x=member("(((", 1).replace(b"}", b" ")),
     "int large": zipped(x=member("'<f8'", (2**200,))),
-    "unsupported":
-        zipped(zipfile.ZIP_LZMA, x=bytes(4000)).replace(b"\x5d\0\0", b"\xff\0\0"),
-}  # fmt: skip
+    "unsupported": zipped(zipfile.ZIP_LZMA, x=bytes(4000)).replace(b"\x5d\0\0", b"\xff\0\0"),
+}
 REFUSED = {
     "": "numbers",
     f"{NAMES}\n": "rows",
@@ -272,7 +274,7 @@ REFUSED = {
     PLAIN.replace("0.5,", "1e300,"): "t 1e+300 row~2 1e+50",
     f"# units: {DEEP}\n{PLAIN}": "CSV recursion",
     PLAIN.replace("0.5,", "1.5,"): "1~s row~3 1.5~s",
-    PLAIN.replace("0.5,", "1,"): "1~s twice 2 3",
+    PLAIN.replace("0.5,", "1,"): "1~s 2 3",
     PLAIN.replace("0,0,0,1", "-1,0,0,1"): "0~s -1~s",
     PLAIN.replace("1,2,", ",2,"): "line~3 x empty",
     PLAIN.replace("1,2,", "one,2,"): "line~3 x 'one'",
@@ -301,11 +303,11 @@ def refusal(name: str, data: bytes, folder: Path) -> str:
     return str(refused.value)
 
 
-@pytest.mark.parametrize(("name", "data", "facts"), NO_TABLES, ids=[each[2] for each in NO_TABLES])
-def test_a_file_that_cannot_be_judged_is_one_line(
+@pytest.mark.parametrize(("name", "data", "facts"), NO_TABLES, ids=[row[2] for row in NO_TABLES])
+def test_an_invalid_file_is_refused_in_one_line(
     tmp_path: Path, name: str, data: bytes, facts: str
 ) -> None:
-    """Whatever its bytes are: the file's name, the row and what is wrong in it."""
+    """For any bytes: with the file's name, the row and the fault."""
     message = refusal(name, data, tmp_path)
     assert unnamed(facts, message) == []
     assert f"{name}: " in message
@@ -315,18 +317,18 @@ def test_a_file_that_cannot_be_judged_is_one_line(
 @pytest.mark.parametrize(
     ("written", "off"), [("0.6,0.8000001", None), ("0.6,0.8000025", "2e-06"), ("0.6,0.815", "0.01")]
 )
-def test_quaternions_that_are_rounded_are_made_unit_and_told(
+def test_rounded_quaternions_are_normalized_and_noted(
     tmp_path: Path, written: str, off: str | None
 ) -> None:
-    """Two digits are off by a hundredth; single precision is not warned of."""
+    """Two digits are off by a hundredth; single precision gives no note."""
     trajectory = read(tmp_path, PLAIN.replace("0.6,0.8", written))
     assert np.linalg.norm(trajectory.attitude, axis=1).tolist() == pytest.approx([1, 1, 1], 1e-15)
-    assert untold([f"quaternions 1 {off}"] if off else [], trajectory.notes) == []
+    assert untold([f"quaternions {off}"] if off else [], trajectory.notes) == []
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_damaged_file_is_one_line_or_is_read(tmp_path: Path, kind: str) -> None:
-    """Bytes changed, lost, doubled and put in anywhere, 100 times: no other error than the line."""
+def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path: Path, kind: str) -> None:
+    """100 times, bytes are changed, lost, doubled or inserted; no other error is raised."""
     if kind == "parquet":
         pytest.importorskip("pyarrow")
     rng = np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""Logs that are damaged: each is read or refused in a line, and what is read can be fitted so."""
+"""Damaged logs are read, and then fitted, or refused in one line."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +17,7 @@ Random = np.random.Generator
 
 
 def right() -> Array:
-    """The rows of a log that is read."""
+    """Return the rows of a valid log."""
     m, rng = rb.integrate(SCENE, rb.sample_times(_END)), np.random.default_rng(0)
     command = SCENE.hinges[0].command.rate(m.times)
     sensed = np.column_stack(
@@ -36,7 +36,7 @@ def text(rows: Array, titles: tuple[str, ...] = TITLES) -> str:
 
 
 def changed(rng: Random, value: float) -> str:
-    """One cell, or a column of one, is another number."""
+    """Change a cell or a column to another number."""
     rows, column = RIGHT.copy(), rng.integers(len(TITLES))
     rows[rng.integers(len(rows)) if rng.random() < 0.5 else slice(None), column] = value
     return text(rows)
@@ -47,7 +47,7 @@ def swapped(rng: Random) -> str:
 
 
 def cell(rng: Random) -> str:
-    """A cell has a text."""
+    """Replace a cell with text."""
     lines = [line.split(",") for line in text(RIGHT).splitlines()]
     word = rng.choice(["error", "", "1e", "0x1f", "--", "nan(0)", "1,5", "=A1", "\0", "٣"])
     lines[rng.integers(len(lines))][rng.integers(len(TITLES))] = str(word)
@@ -55,7 +55,7 @@ def cell(rng: Random) -> str:
 
 
 def timed(rng: Random) -> str:
-    """Times come twice, fall, jump, are negative, in another unit or from another year."""
+    """Make times repeat, fall, jump, negative, or in another unit or epoch."""
     rows = RIGHT.copy()
     i = rng.integers(1, len(rows))
     t, kind = rows[:, 0], rng.integers(7)
@@ -84,17 +84,17 @@ def scaled(rng: Random) -> str:
 
 
 def cut(rng: Random) -> str:
-    """It ends anywhere, or lacks rows or columns."""
+    """Cut the log anywhere, or remove rows or columns."""
     whole = text(RIGHT)
     if rng.random() < 0.5:
         return whole[: rng.integers(len(whole))]
     keep = rng.random(len(TITLES)) < 0.6
-    titles = tuple(title for title, each in zip(TITLES, keep, strict=True) if each)
+    titles = tuple(title for title, kept in zip(TITLES, keep, strict=True) if kept)
     return text(RIGHT[: rng.integers(len(RIGHT))][:, keep], titles)
 
 
 def still(rng: Random) -> str:
-    """Nothing changes, or some columns do not."""
+    """Make all or some columns constant."""
     rows = RIGHT.copy()
     some = np.flatnonzero(rng.random(len(TITLES)) < rng.choice([0.3, 2.0]))
     rows[:, some[some > 0]] = rows[0, some[some > 0]]
@@ -102,7 +102,7 @@ def still(rng: Random) -> str:
 
 
 def noise(rng: Random) -> bytes:
-    """Bytes of any kind, alone or amid the rows."""
+    """Insert random bytes, or replace the log by them."""
     known = text(RIGHT).encode()
     end = int(rng.integers(len(known))) if rng.random() < 0.5 else 0
     return known[:end] + rng.bytes(int(rng.integers(400)))
@@ -115,7 +115,7 @@ DAMAGES: tuple[Callable[[Random], str | bytes], ...] = (
 
 
 def outcome(number: int, folder: Path, fitted: bool) -> str:
-    """What is said of a damaged log; "" where it is read, and fitted."""
+    """Return the refusal of a damaged log, or "" if it is read and fitted."""
     rng = np.random.default_rng(number)
     path = folder / "log.csv"
     damaged = DAMAGES[number % len(DAMAGES)](rng)
@@ -130,26 +130,26 @@ def outcome(number: int, folder: Path, fitted: bool) -> str:
 
 
 def check(said: list[str]) -> list[str]:
-    """Return those that are refused, each in a line that names the file."""
-    refused = [each for each in said if each]
-    assert all("log.csv" in each and "\n" not in each for each in refused), refused
+    """Return the refused logs; assert that each refusal is one line with the file's name."""
+    refused = [line for line in said if line]
+    assert all("log.csv" in line and "\n" not in line for line in refused), refused
     return refused
 
 
 def test_a_damaged_log_is_read_or_refused_in_a_line(tmp_path: Path) -> None:
-    """200 of them, by every kind of damage."""
+    """200 logs, with every kind of damage."""
     refused = check([outcome(i, tmp_path, fitted=False) for i in range(200)])
-    # Measured 126: permuted columns and still ones are mostly read.
+    # Measured 126: permuted and constant columns are mostly read.
     assert 60 < len(refused) < 160
 
 
 @pytest.mark.study
-def test_what_is_read_of_a_damaged_log_is_fitted_or_refused_in_a_line(tmp_path: Path) -> None:
-    """One of each kind of damage; of every kind there are some that can be read."""
+def test_a_readable_damaged_log_is_fitted_or_refused_in_a_line(tmp_path: Path) -> None:
+    """One log of each kind of damage; some of every kind are readable."""
     check([outcome(i, tmp_path, fitted=True) for i in range(0, 200, 25)])
 
 
-def test_readings_of_nothing_tell_no_noise(tmp_path: Path) -> None:
-    """An angle in units of 1e-155 rad: over its noise, squares of residuals are no numbers."""
+def test_readings_close_to_zero_do_not_determine_a_noise(tmp_path: Path) -> None:
+    """An angle in units of 1e-155 rad: residuals over such a noise would overflow."""
     (said,) = check([outcome(100, tmp_path, fitted=True)])
     assert unnamed("frame_angle", said) == []

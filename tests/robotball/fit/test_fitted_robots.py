@@ -1,4 +1,4 @@
-"""Fits of many robots: the truth is where the deviations say, and wrong models are rejected."""
+"""Fits of many robots have correct deviations, and reject wrong models."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -18,13 +18,17 @@ NOISE = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2}
 # A ramp that is over within the log.
 QUICK = {"frame.rate.start": 0.1, "frame.rate.end": 1.2}
 FREE = (
-    "frame.part.battery.mass", "frame.kv", "frame.part.battery.centre.z",
-    "frame.part.battery.centre.x", "frame.part.motor.centre.y", "frame.part.plate.centre.z",
-)  # fmt: skip
+    "frame.part.battery.mass",
+    "frame.kv",
+    "frame.part.battery.centre.z",
+    "frame.part.battery.centre.x",
+    "frame.part.motor.centre.y",
+    "frame.part.plate.centre.z",
+)
 
 
 def log_of(motion: Motion, rng: np.random.Generator) -> rb.Log:
-    """A log of a motion: positions, attitudes and a gyro, with noise."""
+    """Return a log of a motion: positions, attitudes and a gyro, with noise."""
     noise = [rng.normal(0.0, size, (len(motion.times), 3)) for size in NOISE.values()]
     read = {
         "position": motion.contact_point + noise[0][:, :2],
@@ -35,7 +39,7 @@ def log_of(motion: Motion, rng: np.random.Generator) -> rb.Log:
 
 
 def robot(rng: np.random.Generator) -> tuple[Numbers, dict[str, float], rb.Scene]:
-    """A robot with other masses, places and gains, started with another tilt, and its truth."""
+    """Return a robot with random masses, places, gains and tilt, and its true numbers."""
     numbers = numbers_of("pendulum_robot")
     truth = {path: numbers.known[path].value * rng.uniform(0.85, 1.15) for path in FREE}
     truth["frame.part.battery.centre.x"] = rng.uniform(-0.02, 0.02)
@@ -49,7 +53,7 @@ def robot(rng: np.random.Generator) -> tuple[Numbers, dict[str, float], rb.Scene
 def guessed(
     rng: np.random.Generator, numbers: Numbers, truth: dict[str, float], free: tuple[str, ...]
 ) -> dict[str, float]:
-    """Return the truth with free numbers up to 20 % off, with all parts inside the shell."""
+    """Return the truth with free numbers changed by up to 20 %, all parts inside the shell."""
     while True:
         guess = truth | {path: truth[path] * rng.uniform(0.8, 1.2) for path in free}
         with suppress(rb.InputError):
@@ -68,32 +72,34 @@ def fitted_robot(seed: int, noise: int, folder: Path) -> tuple[list[float], rb.F
     path = folder / f"{seed}.toml"
     path.write_text(numbers.text(guess, scene), encoding="utf-8")
     found = rb.fit(path, [log], list(free), noise=NOISE)
-    return [(each.value - truth[each.name]) / each.deviation for each in found.found], found
+    return [
+        (estimate.value - truth[estimate.name]) / estimate.deviation for estimate in found.found
+    ], found
 
 
 @pytest.mark.study
-def test_the_truth_is_where_the_deviations_say(tmp_path: Path) -> None:
-    """Of 21 robots, each with three noises: 95 % of 3 to 6 numbers within two deviations.
+def test_true_numbers_are_within_the_deviations(tmp_path: Path) -> None:
+    """21 robots with three noises each: 95 % of 3 to 6 numbers are within two deviations.
 
-    Some ten minutes. The fit of a robot with another noise begins from another guess, too.
+    Takes about ten minutes. Each fit starts from another guess.
     """
     fits = [fitted_robot(seed, noise, tmp_path) for noise in range(3) for seed in range(21)]
     near = np.concatenate([np.abs(errors) < 2 for errors, _ in fits])
-    # Measured 262 of 277, which is 0.946. A robot's numbers go together, all within two deviations
-    # or none: the share is known to 0.02.
+    # Measured 262 of 277, or 0.946. The numbers of one robot are correlated: the fraction is
+    # accurate to 0.02.
     assert 0.93 < near.mean() < 0.97
     assert all(found.explains for _, found in fits)
 
 
-def test_the_truth_of_a_robot_is_where_the_deviations_say(tmp_path: Path) -> None:
-    """The quick form: four numbers within three deviations."""
+def test_true_numbers_of_one_robot_are_within_the_deviations(tmp_path: Path) -> None:
+    """Quick form: four numbers within three deviations."""
     errors, found = fitted_robot(1, 0, tmp_path)
     assert np.abs(errors).max() < 3  # measured 1.7
     assert found.explains
     assert found.undetermined == ()
 
 
-# From scenes with servos, a pendulum that steers, and rotors: numbers that a short log shows.
+# Scenes with servos, a steering pendulum and rotors: numbers that a short log determines.
 ROBOTS: Mapping[str, tuple[str, ...]] = {
     "pendulum_robot": ("frame.part.battery.mass", "frame.kv"),
     "examples/my_robot.toml": ("frame.kv", "pendulum1.kp"),
@@ -102,7 +108,7 @@ ROBOTS: Mapping[str, tuple[str, ...]] = {
 
 
 def pulls(name: str, seeds: Iterable[int], folder: Path) -> np.ndarray:
-    """Return the errors over the deviations (seeds, numbers), of fits from 3 % off."""
+    """Return the errors over the deviations (seeds, numbers) of fits that start 3 % off."""
     numbers, free = numbers_of(name), ROBOTS[name]
     truth = {path: numbers.known[path].value for path in map(numbers.path_of, free)}
     wrong = {path: 1.03 * value for path, value in truth.items()}
@@ -113,26 +119,27 @@ def pulls(name: str, seeds: Iterable[int], folder: Path) -> np.ndarray:
     for seed in seeds:
         log = log_of(motion, np.random.default_rng(seed))
         found = rb.fit(path, [log], free, noise=NOISE).found
-        errors.append([(each.value - truth[each.name]) / each.deviation for each in found])
+        errors.append(
+            [(estimate.value - truth[estimate.name]) / estimate.deviation for estimate in found]
+        )
     return np.array(errors)
 
 
 @pytest.mark.study
-def test_deviations_are_those_of_many_logs(tmp_path: Path) -> None:
-    """Of 200 logs of each of three robots: the errors over the deviations are standard normal.
-
-    Some ten minutes.
-    """
+def test_errors_over_deviations_are_standard_normal(tmp_path: Path) -> None:
+    """200 logs of each of three robots. Takes about ten minutes."""
     errors = [pulls(name, range(200), tmp_path) for name in ROBOTS]
-    # Each number's is known to 0.05 by 200 logs, all together to 0.02.
-    assert all(0.85 < each < 1.15 for each in np.concatenate([e.std(axis=0) for e in errors]))
+    # 200 logs determine the mean square of each number to 0.05, of all numbers to 0.02.
+    assert all(0.85 < spread < 1.15 for spread in np.concatenate([e.std(axis=0) for e in errors]))
     assert 0.95 < np.sqrt(np.mean(np.square(errors))) < 1.05  # measured 0.988
-    assert np.abs([each.mean(axis=0) for each in errors]).max() < 4 / np.sqrt(200)
+    assert np.abs([errors_of_robot.mean(axis=0) for errors_of_robot in errors]).max() < 4 / np.sqrt(
+        200
+    )
 
 
 @pytest.mark.slow
-def test_deviations_are_those_of_some_logs(tmp_path: Path) -> None:
-    """The quick form: of four logs of one robot."""
+def test_errors_over_deviations_of_some_logs(tmp_path: Path) -> None:
+    """Quick form: four logs of one robot."""
     errors = pulls("pendulum_robot", range(4), tmp_path)
     assert 0.3 < np.sqrt(np.mean(errors**2)) < 1.7  # measured 0.65, of 8 errors
     assert np.abs(errors).max() < 4

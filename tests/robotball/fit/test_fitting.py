@@ -1,4 +1,4 @@
-"""Logs are fitted: the numbers come back, and what the logs do not tell is said."""
+"""Fits recover numbers from logs, and report undetermined ones."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -25,12 +25,12 @@ END = 3.0
 
 @cache
 def motion(rate: float = 50.0) -> Motion:
-    """The pendulum robot's motion, by MuJoCo where its contact is nearly ideal."""
+    """Return the pendulum robot's motion in MuJoCo, with an almost ideal contact."""
     return rb.simulate("pendulum_robot", rb.sample_times(END, 1 / rate), settings="balanced")
 
 
 def log(seed: int = 0, of: Motion | None = None, name: str = "run.csv") -> rb.Log:
-    """A log of a motion: positions, attitudes and a gyro, with noise."""
+    """Return a log of a motion: positions, attitudes and a gyro, with noise."""
     m, rng = of or motion(), np.random.default_rng(seed)
     noisy = [rng.normal(0.0, size, (len(m.times), 3)) for size in NOISE.values()]
     return rb.Log(
@@ -45,7 +45,7 @@ def log(seed: int = 0, of: Motion | None = None, name: str = "run.csv") -> rb.Lo
 
 
 def off(folder: Path, **wrong: float) -> Path:
-    """The scene file with some of its numbers multiplied."""
+    """Return the scene file with some of its numbers multiplied."""
     numbers = numbers_of("pendulum_robot")
     paths = {numbers.path_of(name.replace("__", ".")): f for name, f in wrong.items()}
     values = {path: factor * numbers.known[path].value for path, factor in paths.items()}
@@ -54,15 +54,15 @@ def off(folder: Path, **wrong: float) -> Path:
     return path
 
 
-def test_numbers_that_are_a_third_off_come_back(tmp_path: Path) -> None:
-    """From 30 % off, each within three of its standard deviations; χ² is that of the noise."""
+def test_numbers_are_recovered_from_a_guess_that_is_30_percent_off(tmp_path: Path) -> None:
+    """Each within three deviations; χ² is explained by the noise."""
     scene = off(tmp_path, battery__mass=1.3, battery__centre__z=0.75, frame__kv=0.7)
     found = rb.fit(scene, [log()], ["battery.mass", "battery.centre.z", "kv"], noise=NOISE)
     truth = (1.1, -0.085, 0.4)
-    for each, value in zip(found.found, truth, strict=True):
-        # Measured: at most 1.6 of them; the noise of the log is the error.
-        assert abs(each.value - value) < 3 * each.deviation
-        assert each.deviation < 0.02 * abs(value)  # measured at most 0.012
+    for estimate, value in zip(found.found, truth, strict=True):
+        # Measured at most 1.6 deviations, from the noise of the log.
+        assert abs(estimate.value - value) < 3 * estimate.deviation
+        assert estimate.deviation < 0.02 * abs(value)  # measured at most 0.012
     assert found.explains
     assert abs(found.chi2 / found.degrees - 1) < 4 * np.sqrt(2 / found.degrees)
     assert rb.load_scene(off(tmp_path)).ball.radius == found.scene.ball.radius
@@ -74,7 +74,7 @@ SHORT = rb.sample_times(1.5, 1 / 30)
 
 
 def with_dc_motor(text: str) -> str:
-    """The scene file with a motor whose torque is a product of its numbers."""
+    """Return the scene file with a DC motor, whose torque is a product of its numbers."""
     begin, end = text.index('drive = "servo"'), text.index("armature =")
     motor = 'drive = "dc_motor"\nsupply = -0.5\nstall_torque = 1.2\nno_load_speed = 8.0\n'
     return (
@@ -110,8 +110,8 @@ UNTOLD: Mapping[str, tuple[list[str], list[str], str]] = {
     "case",
     [pytest.param(c, marks=pytest.mark.study if i % 2 else ()) for i, c in enumerate(UNTOLD)],
 )
-def test_what_a_log_cannot_tell_is_said(case: str, tmp_path: Path) -> None:
-    """Numbers and circumstances that change nothing, and products of which only one is told."""
+def test_undetermined_numbers_are_reported(case: str, tmp_path: Path) -> None:
+    """Numbers and circumstances without effect, and products of which only one is determined."""
     free, circumstances, facts = UNTOLD[case]
     text = (CATALOG / "pendulum_robot.toml").read_text(encoding="utf-8")
     path = tmp_path / "robot.toml"
@@ -126,14 +126,14 @@ def test_what_a_log_cannot_tell_is_said(case: str, tmp_path: Path) -> None:
 
 
 def slipping(scene: rb.Scene) -> Motion:
-    """The motion on a plane so smooth that the shell slips, which the engine has as a fault."""
+    """Return the motion on a plane so smooth that the shell slips, which the report says."""
     smooth = replace(scene, friction=replace(scene.friction, sliding=0.02))
     settings = replace(rb.preset("balanced"), stop_at_fault=False)
     return rb.simulate(smooth, SHORT, settings=settings)
 
 
 def with_rotor(scene: rb.Scene) -> Motion:
-    """The motion with a rotor of which the model knows nothing."""
+    """Return the motion with a rotor that the model does not have."""
     rotor = rb.Rotor(
         0.1, axial_inertia=2e-4, transverse_inertia=1e-4, axis=np.array([1.0, 0.0, 0.0])
     )
@@ -158,7 +158,7 @@ WRONG: Mapping[str, Callable[[rb.Scene], Motion]] = {
     "case", [pytest.param(c, marks=pytest.mark.study if i % 2 else ()) for i, c in enumerate(WRONG)]
 )
 def test_a_wrong_model_is_rejected(case: str) -> None:
-    """By χ², with the sensor that strays and the time from which on."""
+    """Because of χ²; the report names the sensor and the time from which it strays."""
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": rb.Ramp(final=-4, end=1)})
     found = rb.fit(robot, [log(of=WRONG[case](robot))], ["kv"], noise=NOISE)
     assert not found.explains
@@ -171,14 +171,14 @@ def test_a_wrong_model_is_rejected(case: str) -> None:
     [("gyro", -1.0), pytest.param("position", 100.0, marks=pytest.mark.study)],
 )
 def test_sensors_that_contradict_each_other_are_named(name: str, factor: float) -> None:
-    """A gyro of the other sign, a capture in cm: no motion explains it and the others."""
+    """A gyro of the wrong sign, or positions in cm, contradict the other sensors."""
     made = log(of=rb.integrate("pendulum_robot", SHORT, 1e-9))
     wrong = [replace(s, values=factor * s.values) if s.name == name else s for s in made.sensors]
     found = rb.fit("pendulum_robot", [replace(made, sensors=tuple(wrong))], ["kv"], noise=NOISE)
-    # What it contradicts strays too: measured 5 and more of its deviations, of the attitude.
-    assert {"attitude", name} <= {each.name for each in found.strays}
-    # The gyro and the attitude need no model; a position in cm contradicts how the robot rolls.
-    said = "gyro and attitude of run.csv contradict each other, whatever the model: "
+    # The sensor that it contradicts strays, too: measured at least 5 deviations, of the attitude.
+    assert {"attitude", name} <= {sensor.name for sensor in found.strays}
+    # Gyro and attitude are compared without a model; positions in cm contradict the rolling.
+    said = "gyro and attitude of run.csv contradict each other with any model: "
     assert [line.startswith(said) for line in found.contradictions] == [True] * (name == "gyro")
 
 
@@ -194,21 +194,19 @@ KINEMATICS: Mapping[str, tuple[Callable[[np.ndarray], np.ndarray], bool]] = {
 
 @pytest.mark.parametrize("case", KINEMATICS)
 @pytest.mark.parametrize("rate", [20.0, 50.0])
-def test_a_gyro_and_an_attitude_contradict_each_other_without_a_model(
-    case: str, rate: float
-) -> None:
-    """Measured: by 0.10 of a turn where they agree or have a bias, else by 0.97 and more."""
+def test_gyro_and_attitude_are_compared_without_a_model(case: str, rate: float) -> None:
+    """They differ by 0.10 of the rotation if correct, even with a bias, otherwise by 0.97."""
     wrong, said = KINEMATICS[case]
-    sensors = {each.name: each for each in log(of=motion(rate)).sensors}
+    sensors = {sensor.name: sensor for sensor in log(of=motion(rate)).sensors}
     sensors["gyro"] = replace(sensors["gyro"], values=wrong(sensors["gyro"].values))
     assert [*contradictions(sensors)] == [("gyro", "attitude")] * said
-    # A gyro on the shell is one of another body than the attitude's.
+    # A gyro on the shell measures another body than the attitude does.
     sensors["shell_gyro"] = replace(sensors.pop("gyro"), name="shell_gyro")
     assert not [*contradictions(sensors)]
 
 
 def standing() -> rb.Log:
-    """A log of a robot that stands still, whose motor is commanded to."""
+    """Return a log of a robot at rest whose motor is commanded to stay at rest."""
     rng, rest = np.random.default_rng(0), np.tile([1.0, 0.0, 0.0, 0.0], (len(SHORT), 1))
     noisy = [rng.normal(0.0, size, (len(SHORT), 3)) for size in NOISE.values()]
     values = (noisy[0][:, :2], turned(rest, noisy[1]), noisy[2])
@@ -216,20 +214,20 @@ def standing() -> rb.Log:
     return rb.Log("run.csv", sensors, {"frame": (SHORT[:1], np.zeros(1))})
 
 
-def test_a_robot_that_stands_still_tells_nothing() -> None:
-    """Its log says so, and no number is told, though noise may be fitted by one."""
-    assert not stands_still({each.name: each for each in log().sensors})
+def test_a_log_of_a_robot_at_rest_determines_nothing() -> None:
+    """The report says so, although some numbers may be fitted to the noise."""
+    assert not stands_still({sensor.name: sensor for sensor in log().sensors})
     found = rb.fit("pendulum_robot", [standing()], ["kv", "battery.mass"], noise=NOISE)
-    assert unnamed("run.csv sensors same", found.undetermined[0]) == []
-    assert not any(each.determined for each in found.found)
+    assert unnamed("run.csv readings constant", found.undetermined[0]) == []
+    assert not any(estimate.determined for estimate in found.found)
 
 
 @pytest.mark.parametrize(("swing", "told"), [(0.0, False), (0.1, True)])
-def test_a_gain_is_not_told_by_a_rate_that_is_noise(swing: float, told: bool) -> None:
-    """The motor is held at 0: a ball that rocks to the side does not move it, a swing does.
+def test_a_gain_is_not_determined_by_a_rate_that_is_noise(swing: float, told: bool) -> None:
+    """With the motor held at 0, sideways rocking does not move the hinge; swinging does.
 
-    Of the rocking, the linearised deviation of the gain is 0.05, and another start's rate lets χ²
-    rise by 0.2 where the gain is three of them off, in place of 9; of the swing, by 7.6.
+    For rocking, the gain's linearised deviation is 0.05; but with another start rate, χ² rises by
+    only 0.2 instead of 9 if the gain is off by three deviations. For swinging it rises by 7.6.
     """
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": 0.0})
     tilted = turned(robot.start.attitude, np.array([0.0, swing, 0.0]))
@@ -242,12 +240,12 @@ def test_a_gain_is_not_told_by_a_rate_that_is_noise(swing: float, told: bool) ->
     assert found.explains
     assert kv.determined == told == (not found.undetermined)
     assert abs(kv.value - 0.4) < 3 * kv.deviation  # measured 0.3 and 1.7 of them
-    # Measured 0.22, where the linearised one is doubled twice, and 0.011.
+    # Measured 0.22, after doubling the linearised deviation twice, and 0.011.
     assert (kv.deviation < 0.05) == told
 
 
-def test_a_number_that_ends_at_its_limit_is_said_to(tmp_path: Path) -> None:
-    """Of a gain of 0.4 that may be 0.45 to 0.6."""
+def test_a_number_that_ends_at_its_limit_is_reported(tmp_path: Path) -> None:
+    """The true gain of 0.4 is outside its limits 0.45 to 0.6."""
     found = rb.fit(off(tmp_path, kv=1.2), [log()], ["kv=0.45:0.6"], noise=NOISE)
     assert untold(["frame.kv limit 0.45"], found.at_limits) == []
 
@@ -255,21 +253,19 @@ def test_a_number_that_ends_at_its_limit_is_said_to(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("readings", "facts"),
     [
-        (np.full((9, 2), 0.3), "position same noise"),
+        (np.full((9, 2), 0.3), "position constant noise"),
         (np.arange(8.0).reshape(4, 2), "position 4 noise"),
     ],
 )
-def test_readings_of_which_the_noise_is_not_known_are_refused(
-    readings: np.ndarray, facts: str
-) -> None:
-    """A sensor that is dead, or reads too seldom, tells no noise of its own."""
+def test_readings_without_a_measurable_noise_are_refused(readings: np.ndarray, facts: str) -> None:
+    """A constant sensor, or one with too few readings."""
     made = rb.Log("run.csv", (rb.Sensor("position", np.arange(len(readings)) / 10, readings),), {})
     with pytest.raises(rb.InputError, match=naming(f"run.csv {facts}")):
         rb.fit("pendulum_robot", [made], ["kv"])
 
 
-def test_a_robust_loss_bears_with_outliers() -> None:
-    """One position in twenty is 0.3 m off, 300 times its noise: squares alone are led astray."""
+def test_a_robust_loss_tolerates_outliers() -> None:
+    """One position in twenty is off by 0.3 m, 300 times the noise, which misleads least squares."""
     made = log(of=rb.integrate("pendulum_robot", SHORT, 1e-9))
     position, *others = made.sensors
     values = position.values.copy()
@@ -284,15 +280,15 @@ def test_a_robust_loss_bears_with_outliers() -> None:
     assert abs(robust.value - 0.4) < 3 * robust.deviation
 
 
-def test_a_right_model_is_not_rejected() -> None:
-    """The same log of the model's own motion: what the five above differ by is not the fit's."""
+def test_a_correct_model_is_not_rejected() -> None:
+    """As a control, the logs of the rejected models, but from the correct model."""
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": rb.Ramp(final=-4, end=1)})
     found = rb.fit(robot, [log(of=rb.integrate(robot, SHORT, 1e-9))], ["kv"], noise=NOISE)
     assert found.explains
 
 
 def test_a_log_without_noise_is_explained() -> None:
-    """What equations and engines err by, 3e-9 of an attitude, does not reject a right model."""
+    """Errors of equations and engines, 3e-9 for an attitude, do not reject a correct model."""
     m = rb.simulate("pendulum_robot", rb.sample_times(2.0, 0.02), settings="accurate")
     exact = rb.Log("run.csv", (rb.Sensor("attitude", m.times, m.attitude),), {})
     found = rb.fit("pendulum_robot", [exact], ["kv"])
@@ -301,20 +297,20 @@ def test_a_log_without_noise_is_explained() -> None:
 
 
 @pytest.mark.slow
-def test_a_log_that_the_equations_wrote_is_explained(tmp_path: Path) -> None:
-    """The error of a fit's own integration is below the least noise that it assumes."""
+def test_a_log_computed_with_the_equations_is_explained(tmp_path: Path) -> None:
+    """The integration error of a fit is below the least noise that it assumes."""
     robot = rb.load_scene("pendulum_robot")
     rb.integrate(robot, rb.sample_times(END, 0.02)).save(tmp_path / "own.csv")
     own = rb.read_log(tmp_path / "own.csv", robot)
     found = rb.fit("pendulum_robot", [own], ["kv"])
     assert found.explains
-    assert found.chi2 < 0.1 * found.degrees  # measured 6e-8 of them
+    assert found.chi2 < 0.1 * found.degrees  # measured 6e-8
     assert found.found[0].value == pytest.approx(0.4, abs=1e-7)
     assert not found.influences
 
 
 def with_accelerometer() -> rb.Log:
-    """A log of a gyro and an accelerometer, whose differences make the derivatives rough."""
+    """Return a log with gyro and accelerometer, whose differences make derivatives inaccurate."""
     times, rng = rb.sample_times(2.0, 0.02), np.random.default_rng(99)
     sensor = rb.Sensor("accelerometer", times, np.zeros((len(times), 3)))
     at = times_of(sensor, {})
@@ -327,17 +323,17 @@ def with_accelerometer() -> rb.Log:
 
 
 @pytest.mark.slow
-def test_a_fit_stops_where_no_step_lowers_chi2() -> None:
-    """And not where the derivative promises no fall: rounding makes it promise one of over 1."""
+def test_a_fit_stops_if_no_step_lowers_chi2() -> None:
+    """The predicted decrease of χ² is over 1 because of rounding, and does not keep it going."""
     noise = {"gyro": NOISE["gyro"], "accelerometer": 0.1}
     assert rb.fit("pendulum_robot", [with_accelerometer()], ["kv"], noise=noise).complete
 
 
 @pytest.mark.slow
-def test_a_fit_that_may_try_too_little_says_that_it_stopped(
+def test_a_fit_with_too_few_trials_reports_that_it_is_incomplete(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """With one trial for each part of the log, and one last step."""
+    """One trial for each part of the log, and one last step."""
     monkeypatch.setattr(fitting, "_MOST_TRIALS", 1)
     monkeypatch.setattr(fitting, "_LAST_STEPS", 1)
     scene = off(tmp_path, battery__mass=1.3, kv=0.7)
@@ -346,14 +342,16 @@ def test_a_fit_that_may_try_too_little_says_that_it_stopped(
 
 @pytest.mark.parametrize("noise", [np.inf, np.nan, 0.0, -1.0])
 def test_a_noise_must_be_positive_and_finite(noise: float) -> None:
-    """With the sensor and the value, before the fit begins."""
+    """The message names the sensor and the value, before the fit starts."""
     with pytest.raises(rb.InputError, match=naming(f"noise gyro {noise:g}")):
         rb.fit("pendulum_robot", [log()], ["kv"], noise={"gyro": noise})
 
 
 @pytest.mark.parametrize("name", ["gyro", "frame_rate"])
-def test_a_log_whose_start_has_no_motion_is_told_from_a_scene_without_one(name: str) -> None:
-    """The readings are noise of 150 rad/s, at which the ball lifts off: the log is wrong."""
+def test_a_log_with_an_impossible_start_is_distinguished_from_a_scene_without_motion(
+    name: str,
+) -> None:
+    """The readings are noise of 150 rad/s, at which the ball would lift off: the log is wrong."""
     values = np.random.default_rng(1).normal(0.0, 150.0, (len(SHORT), 3 if name == "gyro" else 1))
     noise = rb.Log("noise.csv", (rb.Sensor(name, SHORT, values),), {})
     with pytest.raises(rb.InputError, match=naming("noise.csv log robot lifts")):
@@ -361,8 +359,8 @@ def test_a_log_whose_start_has_no_motion_is_told_from_a_scene_without_one(name: 
 
 
 @pytest.mark.slow
-def test_a_whole_body_is_found_and_stays_a_body(tmp_path: Path) -> None:
-    """The frame's ten numbers, from others; what is found is positive definite, told or not."""
+def test_the_inertia_of_a_whole_body_is_fitted_and_stays_physical(tmp_path: Path) -> None:
+    """The frame's ten numbers are fitted; the result is positive definite in any case."""
     numbers = numbers_of("pendulum_robot").with_whole(["frame"])
     paths = [path for path in numbers.known if path.startswith(WHOLE)]
     truth = {path: numbers.known[path].value for path in paths}
@@ -371,11 +369,13 @@ def test_a_whole_body_is_found_and_stays_a_body(tmp_path: Path) -> None:
     path.write_text(numbers.text(wrong, numbers.scene({})), encoding="utf-8")
     made = log(of=rb.integrate("pendulum_robot", SHORT, 1e-9))
     found = rb.fit(path, [made], ["frame.inertia"], noise=NOISE)
-    assert [each.name for each in found.found] == paths
-    for each in found.found:
-        # Measured: at most 0.7 of them; the noise of the log is the error.
-        assert abs(each.value - truth[each.name]) < 3 * each.deviation
-    assert sum(each.determined for each in found.found) >= 4  # the mass, and where its middle is
+    assert [estimate.name for estimate in found.found] == paths
+    for estimate in found.found:
+        # Measured at most 0.7 deviations, from the noise of the log.
+        assert abs(estimate.value - truth[estimate.name]) < 3 * estimate.deviation
+    assert (
+        sum(estimate.determined for estimate in found.found) >= 4
+    )  # the mass and the centre of mass
     moments = np.linalg.eigvalsh(found.scene.ball.frame.inertia)
     assert 0 < moments[2] < moments[0] + moments[1]
 
@@ -383,8 +383,8 @@ def test_a_whole_body_is_found_and_stays_a_body(tmp_path: Path) -> None:
 WHOLE = ("frame.mass", "frame.centre", "frame.inertia")
 
 
-def test_commands_of_a_log_are_held_and_may_be_late() -> None:
-    """The scene's own are replaced; a delay that the log has not is found, to rounding."""
+def test_commands_in_a_log_are_held_and_may_be_delayed() -> None:
+    """They replace the scene's commands; a delay of 0 is found to rounding."""
     times = np.linspace(0.0, 1.5, 61)
     given = np.round(rb.load_scene("pendulum_robot").hinges[0].command.rate(times), 1)
     driven = rb.load_scene("pendulum_robot").with_hinges(
@@ -393,18 +393,18 @@ def test_commands_of_a_log_are_held_and_may_be_late() -> None:
     made = replace(log(of=rb.integrate(driven, times)), commands={"frame": (times, given)})
     found = rb.fit("pendulum_robot", [made], ["kv"], circumstances=["commands.delay"], noise=NOISE)
     (delay,) = found.of_logs
-    assert abs(delay.value - 0.03) < 3 * delay.deviation  # measured 0.7 of them
+    assert abs(delay.value - 0.03) < 3 * delay.deviation  # measured 0.7 deviations
     assert delay.deviation < 0.01
     assert found.explains
 
 
-def test_a_log_that_is_held_out_is_explained_too() -> None:
-    """The fit of one explains the other, of which the start alone is found."""
+def test_a_held_out_log_is_explained_by_the_fit_of_the_other() -> None:
+    """For the held-out log only the initial state is fitted."""
     logs = [log(0, name="a.csv"), log(1, name="b.csv")]
     found = rb.fit("pendulum_robot", logs, ["kv"], noise=NOISE, hold_out=1)
-    assert [each.log for each in found.held_out] == ["b.csv"] * 3
+    assert [sensor.log for sensor in found.held_out] == ["b.csv"] * 3
     assert found.explains
-    assert all(each.probability > 1e-3 for each in found.held_out)
+    assert all(sensor.probability > 1e-3 for sensor in found.held_out)
 
 
 Read = Callable[[Motion], np.ndarray]
@@ -418,38 +418,38 @@ SENSED: Mapping[str, Read] = {
 
 
 @pytest.mark.parametrize("name", SENSED)
-def test_a_sensor_reads_what_the_motion_has(name: str) -> None:
-    """To the last bit; a bias is what is left of it."""
+def test_sensors_read_the_arrays_of_the_motion(name: str) -> None:
+    """To the last bit; a bias is the remaining difference."""
     m = motion()
     sensor = rb.Sensor(name, m.times, SENSED[name](m))
     assert not apart(sensor, m, np.arange(len(m.times)), {}).any()
 
 
 def test_an_accelerometer_at_rest_reads_gravity_upwards() -> None:
-    """A ball that lies still: +g along the vertical, seen from the frame."""
+    """A ball at rest reads +g along the vertical in frame axes."""
     still = rb.load_scene("pendulum_robot").with_hinges(command={"frame": 0.0})
     still = replace(still, start=rb.Start(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)))
     m = rb.integrate(still, np.array([0.0, 1e-3, 2e-3]))
     sensor = rb.Sensor("accelerometer", m.times[1:2], np.array([[0.0, 0.0, 9.81]]))
-    # Measured 4e-3: the frame's centre of mass is not on its axle, so that it begins to turn.
+    # Measured 4e-3: the frame's centre of mass is off its axle, so it starts to turn.
     assert np.abs(apart(sensor, m, np.array([0, 1, 2]), {})).max() < 0.3
 
 
-def test_a_shell_gyro_is_turned_by_the_hinge() -> None:
-    """It reads the shell's own rotation, whose part along the axle has no hinge's angle in it."""
+def test_a_shell_gyro_is_rotated_by_the_hinge_angle() -> None:
+    """It measures the shell's rotation, whose axial component is independent of the angle."""
     m = motion()
     sensor = rb.Sensor("shell_gyro", m.times, np.zeros((len(m.times), 3)))
     read = -apart(sensor, m, np.arange(len(m.times)), {})
     along = m.angular_velocity[:, 1] - m.hinge_rates[:, 0]
-    assert np.abs(read[:, 1] - along).max() < 1e-12  # measured 4e-15, rounding
+    assert np.abs(read[:, 1] - along).max() < 1e-12  # measured 4e-15: rounding
     turning = m.angular_velocity - np.outer(m.hinge_rates[:, 0], [0.0, 1.0, 0.0])
     sizes = np.linalg.norm(read, axis=1) - np.linalg.norm(turning, axis=1)
     assert np.abs(sizes).max() < 1e-12
 
 
 def test_noise_is_estimated_from_the_readings_alone() -> None:
-    """Within a tenth, on a path that moves by metres; of rounding, that of the rounding."""
-    # At 50 Hz of a quick robot. Measured by 20 seeds: 0.97 to 1.02 of the noise, ± 0.06.
+    """Within a tenth, on a path of some metres; for rounded readings it is the rounding noise."""
+    # A fast robot at 50 Hz. Measured with 20 seeds: 0.97 to 1.02 of the noise, ± 0.06.
     for sensor in log().sensors:
         assert noise_of(sensor) == pytest.approx(NOISE[sensor.name], rel=0.2)
     times = np.linspace(0.0, 10.0, 1001)
@@ -457,7 +457,7 @@ def test_noise_is_estimated_from_the_readings_alone() -> None:
     noisy = path + np.random.default_rng(2).normal(0.0, 1e-3, path.shape)
     assert noise_of(rb.Sensor("position", times, noisy)) == pytest.approx(1e-3, rel=0.1)
     rounded = np.round(0.01 * path[:, :1], 3)
-    # Of the encoder's resolution of 1e-3 it is 2.9e-4.
+    # An encoder's resolution of 1e-3 gives 2.9e-4.
     noise = noise_of(rb.Sensor("frame_angle", times, rounded))
     assert 2.5e-4 < noise < 6e-4
 
@@ -471,15 +471,14 @@ LOGS = {
     "t,wx [foo],wy,wz\n0,0,0,0\n1,0,0,0\n": "wx 'foo' rad/s",
     "t,frame_rate [foo]\n0,0\n1,0\n": "frame_rate 'foo' rad/s",
     "t,ax [foo],ay,az\n0,0,0,0\n1,0,0,0\n": "ax 'foo' m/s²",
-    "t,frame_rate,frame_command [rpm]\n0,0,0\n1,0,0\n":
-        "frame_command 'rpm' rad/s",
-    "t,x,y,frame_command\n0,0,0,\n1,0,0,\n2,0,0,\n3,1,1,\n": "frame_command empty",
+    "t,frame_rate,frame_command [rpm]\n0,0,0\n1,0,0\n": "frame_command 'rpm' rad/s",
+    "t,x,y,frame_command\n0,0,0,\n1,0,0,\n2,0,0,\n3,1,1,\n": "frame_command values",
     "t,x,y\n0,0,0\n1,0,0\n2,0,0\n3e3,1,1\n": "4 3000~s 750~s",
-}  # fmt: skip
+}
 
 
 def refusal(text: str, folder: Path) -> str:
-    """Return the message with which a log of this text is refused."""
+    """Return the message with which a log with this text is refused."""
     path = folder / "log.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(rb.InputError) as refused:
@@ -488,15 +487,15 @@ def refusal(text: str, folder: Path) -> str:
 
 
 @pytest.mark.parametrize("text", LOGS)
-def test_a_useless_log_is_refused_in_a_line(text: str, tmp_path: Path) -> None:
-    """With the file, and what is missing."""
+def test_an_unusable_log_is_refused_in_a_line(text: str, tmp_path: Path) -> None:
+    """The message names the file and the missing part."""
     message = refusal(text, tmp_path)
     assert "log.csv: " in message
     assert unnamed(LOGS[text], message) == []
 
 
-def test_sensors_have_times_of_their_own(tmp_path: Path) -> None:
-    """An empty cell is no reading; units of titles are made SI's; commands are held."""
+def test_each_sensor_has_its_own_times(tmp_path: Path) -> None:
+    """Empty cells are skipped; units in titles are converted to SI; commands are held."""
     rows = ["t,x [mm],y [mm],frame_angle [deg],frame_command,shell_wx [deg/s],shell_wy,shell_wz"]
     rows += [
         f"{i / 10},{i if i % 2 else ''},{i if i % 2 else ''},{9 * i},{i},{9 * i},0,0"
@@ -523,8 +522,8 @@ NAMES = {
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_last_words_of_a_path_are_enough(name: str) -> None:
-    """As long as they are one path's alone."""
+def test_the_last_words_of_a_path_suffice(name: str) -> None:
+    """If they match a single path."""
     assert numbers_of("pendulum_robot").path_of(name) == NAMES[name]
 
 
@@ -542,21 +541,21 @@ def test_the_last_words_of_a_path_are_enough(name: str) -> None:
         (["frame.inertia", "frame.mass"], "frame.mass twice"),
     ],
 )
-def test_what_cannot_be_freed_is_refused(free: list[str], facts: str) -> None:
-    """A number of several or of none, with neighbours; limits beside it; nothing."""
+def test_names_that_cannot_be_freed_are_refused(free: list[str], facts: str) -> None:
+    """Ambiguous and unknown names, with near matches; limits beside the value; an empty list."""
     with pytest.raises(rb.InputError) as refused:
         rb.fit("pendulum_robot", [log()], free, noise=NOISE)
     assert unnamed(facts, str(refused.value)) == []
 
 
-def test_a_noise_of_a_sensor_that_is_not_there_is_refused() -> None:
-    """With its neighbours."""
+def test_the_noise_of_an_unknown_sensor_is_refused() -> None:
+    """With near matches."""
     with pytest.raises(rb.InputError, match=naming("sensor 'gyros' gyro")):
         rb.fit("pendulum_robot", [log()], ["kv"], noise={"gyros": 0.1})
 
 
-def test_a_circumstance_of_a_sensor_that_is_not_there_is_refused() -> None:
-    """With those that can be."""
+def test_a_circumstance_of_an_unknown_sensor_is_refused() -> None:
+    """The message lists the possible ones."""
     with pytest.raises(rb.InputError, match=naming("circumstance")):
         rb.fit("pendulum_robot", [log()], ["kv"], circumstances=["frame_angle.zero"])
 
@@ -568,8 +567,8 @@ def test_numbers_that_no_body_can_have_are_refused_with_their_key() -> None:
         numbers.scene({"frame.part.1.mass": -1.0})
 
 
-def test_all_scenes_of_the_catalog_have_their_numbers() -> None:
-    """A scene made again from its tables is the file's, to the last bit."""
+def test_every_catalog_scene_is_rebuilt_from_its_numbers() -> None:
+    """To the last bit."""
     for name in rb.catalog():
         if name in ("fig12", "pendulum_robot", "swinging_frame", "wobbling_drive"):
             assert numbers_of(name).scene({}).ball == rb.load_scene(name).ball

@@ -1,4 +1,4 @@
-"""Sensors read what a moving ball does, by differences of its places and attitudes."""
+"""Sensor models agree with finite differences of a moving ball's positions and attitudes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -20,19 +20,19 @@ BIAS = np.array([0.3, -0.2, 0.1])
 
 @cache
 def moving() -> Motion:
-    """A robot that rolls, swings and steers, at the times of readings and around them."""
+    """Return the motion of a robot that rolls, swings and steers, around the times of readings."""
     times = (AT[:, None] + [-STEP, 0.0, STEP]).ravel()
     return rb.integrate("examples/my_robot.toml", np.concatenate([[0.0], times]), 1e-13)
 
 
 def point(m: Motion, place: np.ndarray) -> np.ndarray:
-    """Where a point of the frame is (n, 3), world axes."""
+    """Return the position of a point of the frame (n, 3), world axes."""
     centre = np.pad(m.contact_point, ((0, 0), (0, 1)), constant_values=m.scene.ball.radius)
     return (centre + rotation_matrix(m.attitude) @ place)[1:]
 
 
 def specific_force(m: Motion, place: np.ndarray) -> np.ndarray:
-    """The acceleration of a point less gravity, in the frame's axes, by second differences."""
+    """Return a point's acceleration minus gravity, frame axes, from second differences."""
     at = point(m, place)
     second = (at[0::3] - 2 * at[1::3] + at[2::3]) / STEP**2
     second += [0.0, 0.0, m.scene.gravity]
@@ -40,13 +40,13 @@ def specific_force(m: Motion, place: np.ndarray) -> np.ndarray:
 
 
 def turning(m: Motion) -> np.ndarray:
-    """The frame's angular velocity, by central differences of its attitude, its axes."""
+    """Return the frame's angular velocity, frame axes, from differences of its attitude."""
     q = m.attitude[1:]
     return turn_between(q[1::3], q[2::3]) / (2 * STEP) - turn_between(q[1::3], q[0::3]) / (2 * STEP)
 
 
 def angle(m: Motion) -> np.ndarray:
-    """The angle of the frame's hinge."""
+    """Return the angle of the frame's hinge."""
     return m.hinge_angles[1:][1::3, :1]
 
 
@@ -54,50 +54,54 @@ Given = Mapping[str, np.ndarray]
 READ: Mapping[str, tuple[str, Given, Callable[[Motion], np.ndarray]]] = {
     "an accelerometer": ("accelerometer", {}, lambda m: specific_force(m, np.zeros(3))),
     "an accelerometer beside the middle": (
-        "accelerometer", {"accelerometer.place": PLACE}, lambda m: specific_force(m, PLACE),
+        "accelerometer",
+        {"accelerometer.place": PLACE},
+        lambda m: specific_force(m, PLACE),
     ),
     "an accelerometer with a bias": (
-        "accelerometer", {"accelerometer.place": PLACE, "accelerometer.bias": BIAS},
+        "accelerometer",
+        {"accelerometer.place": PLACE, "accelerometer.bias": BIAS},
         lambda m: specific_force(m, PLACE) + BIAS,
     ),
     "a gyro": ("gyro", {}, turning),
     "a gyro with a bias": ("gyro", {"gyro.bias": BIAS}, lambda m: turning(m) + BIAS),
-    "a gyro in other units": (
-        "gyro", {"gyro.scale": np.array([56.0])}, lambda m: 57 * turning(m)
-    ),
-    "a marker": (
-        "position", {"position.marker": PLACE}, lambda m: point(m, PLACE)[1::3]
-    ),
+    "a gyro in other units": ("gyro", {"gyro.scale": np.array([56.0])}, lambda m: 57 * turning(m)),
+    "a marker": ("position", {"position.marker": PLACE}, lambda m: point(m, PLACE)[1::3]),
     "a capture from another place": (
-        "position", {"start.place": np.array([1.0, 2.0])},
+        "position",
+        {"start.place": np.array([1.0, 2.0])},
         lambda m: point(m, np.zeros(3))[1::3, :2] + [1.0, 2.0],
     ),
     "an encoder's zero": (
-        "frame_angle", {"frame_angle.zero": np.array([0.1])}, lambda m: angle(m) + 0.1
+        "frame_angle",
+        {"frame_angle.zero": np.array([0.1])},
+        lambda m: angle(m) + 0.1,
     ),
     "an encoder's direction": (
-        "frame_angle", {"frame_angle.scale": np.array([-2.0])}, lambda m: -angle(m)
+        "frame_angle",
+        {"frame_angle.scale": np.array([-2.0])},
+        lambda m: -angle(m),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", READ)
-def test_a_sensor_reads_what_a_moving_ball_does(case: str) -> None:
-    """To 2e-5 of the largest reading; a factor of 1.02 is a thousand times that."""
+def test_a_sensor_reads_the_quantity_of_a_moving_ball(case: str) -> None:
+    """To 2e-5 of the largest reading; a scale of 1.02 would be a thousand times that."""
     name, given, read = READ[case]
     m = moving()
     sensor = rb.Sensor(name, AT, read(m))
     rows = np.searchsorted(m.times, times_of(sensor, given) - STEP / 2)
     largest = np.abs(sensor.values).max()
-    # Measured at most 1.6e-6, of the gyro; the differences over 1 ms are the error.
+    # Measured at most 1.6e-6, for the gyro, from differences over 1 ms.
     assert np.abs(apart(sensor, m, rows, given)).max() < 2e-5 * largest
     wrong = rb.Sensor(name, AT, 1.02 * sensor.values)
     assert np.abs(apart(wrong, m, rows, given)).max() > 0.01 * largest
 
 
 @pytest.mark.parametrize("clock", ["sensors.clock", "gyro.clock"])
-def test_a_late_clock_reads_the_motion_before(clock: str) -> None:
-    """A reading at t is that of t less the lateness."""
+def test_a_late_clock_reads_the_earlier_motion(clock: str) -> None:
+    """A reading at t shows the motion at t minus the delay."""
     m = moving()
     sensor = rb.Sensor("gyro", AT + 0.02, m.angular_velocity[1:][1::3])
     given = {clock: np.array([0.02])}
@@ -107,8 +111,8 @@ def test_a_late_clock_reads_the_motion_before(clock: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["position", "attitude", "gyro"])
-def test_a_reading_before_the_start_continues_the_motion(name: str) -> None:
-    """A ball without drives is started again where it is after 10 ms, and read where it was."""
+def test_a_reading_before_the_start_extrapolates_the_motion(name: str) -> None:
+    """Compared with a ball without drives that is started 10 ms earlier."""
     late, scene = 0.01, rb.load_scene("chaplygin_ball")
     whole = rb.integrate(scene, np.array([0.0, late]), 1e-13)
     later = rb.Start(whole.attitude[1], whole.momentum[1])
@@ -124,5 +128,5 @@ def test_a_reading_before_the_start_continues_the_motion(name: str) -> None:
     at_the_start = np.abs(
         apart(sensor, again, np.array([0]), {"start.place": given["start.place"]})
     )
-    # Measured 0.014 to 0.017; the second derivative is the error.
+    # Measured 0.014 to 0.017, from the second derivative.
     assert off < 0.05 * at_the_start.max()

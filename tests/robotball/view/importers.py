@@ -1,4 +1,4 @@
-"""Read a model file by an engine's own importer: the robot's numbers. Hinges are at angle 0."""
+"""Read a model file with an engine's importer and return the robot's numbers at hinge angle 0."""
 
 import json
 from collections.abc import Callable
@@ -15,7 +15,7 @@ _Hinges = dict[str, tuple[Any, float]]
 
 
 def _solid(mass: float, centre: Any, axes: Any, inertia: Any) -> Solid:
-    """Return a body in world axes, of its inertia (3,) or (3, 3) in axes (3, 3) of its own."""
+    """Return a body in world axes from its inertia (3,) or (3, 3) in local axes (3, 3)."""
     own = np.diag(inertia) if np.ndim(inertia) == 1 else inertia
     return Solid(float(mass), np.array(centre), axes @ own @ np.transpose(axes))
 
@@ -23,20 +23,20 @@ def _solid(mass: float, centre: Any, axes: Any, inertia: Any) -> Solid:
 def plain(
     axes: Any, place: Any, bodies: list[Solid], hinges: _Hinges, gravity: Any, freedoms: int
 ) -> dict[str, Any]:
-    """Return a robot that was read in world axes as plain data, in the shell's, from its place.
+    """Return a robot, read in world axes, as plain data relative to the shell.
 
-    axes, place: (3, 3), (3,) m of the shell; hinges: axis (3,) and armature [kg m²] by name;
-    gravity: (3,) m/s², of the world; freedoms: in how many ways the robot moves.
+    axes (3, 3), place (3,) [m]: of the shell; hinges: axis (3,) and armature [kg m²] by name;
+    gravity (3,) [m/s²], world; freedoms: number of degrees of freedom.
     """
     turn, whole = np.transpose(axes), composed(bodies)
-    # Hinges have their bodies' names, in every format and engine.
+    # In every format and engine, hinges have the names of their bodies.
     names = {name: name.rpartition("/")[2].removesuffix("_hinge") for name in hinges}
     return {
         "mass": whole.mass,
         "centre": (turn @ (whole.centre - place)).tolist(),
         "inertia": (turn @ whole.inertia @ axes).tolist(),
         "axes": {names[name]: (turn @ axis).tolist() for name, (axis, _) in hinges.items()},
-        "armature": {names[name]: float(each) for name, (_, each) in hinges.items()},
+        "armature": {names[name]: float(armature) for name, (_, armature) in hinges.items()},
         "gravity": np.asarray(gravity, dtype=float).tolist(),
         "freedoms": freedoms,
     }
@@ -45,12 +45,12 @@ def plain(
 def _json(path: str, form: str) -> dict[str, Any]:
     whole, world = json.loads(Path(path).read_text(encoding="utf-8")), np.eye(3)
     bodies, hinges = [], {}
-    for each in whole["bodies"]:
-        centre = np.array(each["centre_of_mass"])
-        bodies.append(_solid(each["mass"], centre, world, np.array(each["inertia"])))
-        if hinge := each["hinge"]:
+    for body in whole["bodies"]:
+        centre = np.array(body["centre_of_mass"])
+        bodies.append(_solid(body["mass"], centre, world, np.array(body["inertia"])))
+        if hinge := body["hinge"]:
             armature = (hinge["motor"] or {}).get("armature", 0.0)
-            hinges[each["name"]] = np.array(hinge["axis"]), armature
+            hinges[body["name"]] = np.array(hinge["axis"]), armature
     return plain(world, np.zeros(3), bodies, hinges, whole["gravity"], 6 + len(hinges))
 
 
@@ -62,7 +62,7 @@ def _mujoco(path: str, form: str) -> dict[str, Any]:
     mujoco.mj_forward(model, data)
     shell, turns = model.body("shell").id, data.ximat.reshape(-1, 3, 3)
     every = zip(model.body_mass, data.xipos, turns, model.body_inertia, strict=True)
-    bodies = [_solid(*each) for each in every][1:]
+    bodies = [_solid(*element) for element in every][1:]
     hinges = {
         model.joint(i).name: (data.xaxis[i], model.dof_armature[model.jnt_dofadr[i]])
         for i in range(model.njnt)
@@ -105,7 +105,7 @@ def _dart(path: str, form: str) -> dict[str, Any]:
     else:
         world = (utils.SdfParser if form == "SDF" else utils.MjcfParser).readWorld(path)
     every = [world.getSkeleton(i) for i in range(world.getNumSkeletons())]
-    ball = next(each for each in every if each.getBodyNode("shell"))
+    ball = next(skeleton for skeleton in every if skeleton.getBodyNode("shell"))
     bodies, hinges = [], {}
     for body in ball.getBodyNodes():
         turn, inertia = np.array(body.getTransform().rotation()), body.getInertia()
@@ -181,7 +181,7 @@ def _newton(path: str, form: str) -> dict[str, Any]:
     state = model.state()
     newton.eval_fk(model, model.joint_q, model.joint_qd, state)
     poses = [placed(pose) for pose in state.body_q.numpy().astype(float)]
-    own = [each.numpy() for each in (model.body_mass, model.body_com, model.body_inertia)]
+    own = [array.numpy() for array in (model.body_mass, model.body_com, model.body_inertia)]
     bodies = [
         _solid(mass, place + turn @ com, turn, inertia)
         for (turn, place), mass, com, inertia in zip(poses, *own, strict=True)
@@ -195,8 +195,8 @@ def _newton(path: str, form: str) -> dict[str, Any]:
     return plain(*poses[0], bodies, hinges, model.gravity.numpy()[0], len(armatures))
 
 
-# By the package and its option: the importer, and the formats by which it is tried. Nothing but
-# Python reads our JSON.
+# By package and option: the importer, and the formats that it is tested with. Only Python reads
+# our JSON.
 IMPORTERS: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
     "json": (_json, ("JSON",)),
     "mujoco": (_mujoco, ("MJCF", "URDF")),
@@ -204,6 +204,6 @@ IMPORTERS: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
     "pybullet, URDF_USE_INERTIA_FROM_FILE": (partial(_bullet, flags=2), ("URDF", "MJCF")),
     "dartpy": (_dart, ("URDF", "SDF", "MJCF")),
     "pydrake": (_drake, ("URDF", "SDF", "MJCF")),
-    "pinocchio": (_pinocchio, ("URDF", "MJCF")),  # its wheel is built without SDF
+    "pinocchio": (_pinocchio, ("URDF", "MJCF")),  # its wheel has no SDF support
     "newton": (_newton, ("URDF", "MJCF")),
 }

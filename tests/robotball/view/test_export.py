@@ -1,4 +1,4 @@
-"""An export has the scene's ball, in every format."""
+"""An export describes the scene's ball in every format."""
 
 import json
 from pathlib import Path
@@ -17,14 +17,14 @@ from robotball.view.export import formula
 from tests.random_robots import random_scene
 
 TIMES = np.linspace(0, 0.2, 5)
-# The latter two are a rubber and a classical robot of three hinges each, off centre.
+# The last two are a rubber and a classical robot with three off-centre hinges each.
 ROBOTS = [random_scene(np.random.default_rng(seed)) for seed in (15, 17)]
 Exported = tuple[rb.Scene, Path]
 
 
 @pytest.fixture(scope="module", params=[rb.load_scene("three_rotors"), *ROBOTS], ids=range(3))
 def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Exported:
-    """A scene and the folder of its export."""
+    """Return a scene and the folder of its export."""
     folder = tmp_path_factory.mktemp("export")
     rb.export_scene(request.param, folder, TIMES)
     return request.param, folder
@@ -34,10 +34,10 @@ def read(folder: Path) -> Any:
     return json.loads((folder / "scene.json").read_text())
 
 
-def test_the_start_of_all_bodies_makes_the_scenes_momentum(exported: Exported) -> None:
+def test_the_momentum_of_the_exported_bodies_is_the_scenes(exported: Exported) -> None:
     """M from the JSON alone: Σ r×mv + Jω about the contact point (measured 4.4e-15 kg m²/s).
 
-    Inertias about the centre, by Steiner's theorem, sum to the ball's.
+    Inertias about the centre, moved by Steiner's theorem, add up to the ball's inertia.
     """
     scene, folder = exported
     data = read(folder)
@@ -54,8 +54,8 @@ def test_the_start_of_all_bodies_makes_the_scenes_momentum(exported: Exported) -
     assert whole == pytest.approx(scene.ball.inertia, rel=1e-14, abs=1e-15)
 
 
-def test_the_start_rolls_and_the_hinges_turn_as_commanded(exported: Exported) -> None:
-    """The shell's lowest point stands still, and each body turns against its parent by its rate."""
+def test_the_exported_start_rolls_with_the_commanded_hinge_rates(exported: Exported) -> None:
+    """The shell's lowest point is at rest, and each body rotates relative to its parent."""
     scene, folder = exported
     bodies = {body["name"]: body for body in read(folder)["bodies"]}
     shell = bodies["shell"]["start"]
@@ -76,11 +76,11 @@ SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def floats(text: str | None) -> list[float]:
-    return [float(each) for each in (text or "").split()]
+    return [float(word) for word in (text or "").split()]
 
 
-def test_the_sdf_read_again_has_the_same_bodies(exported: Exported) -> None:
-    """And gravity and the start's pose."""
+def test_the_sdf_has_the_same_bodies_gravity_and_pose(exported: Exported) -> None:
+    """Masses and places are equal to the last bit."""
     scene, folder = exported
     world = ElementTree.parse(folder / "model.sdf").getroot().find("world")
     assert world is not None
@@ -102,13 +102,13 @@ def test_the_sdf_read_again_has_the_same_bodies(exported: Exported) -> None:
         assert place == pytest.approx([*body.centre, 0, 0, 0], abs=1e-16)
     pose = floats(ball.findtext("pose"))
     assert pose[:3] == [0, 0, scene.ball.radius]
-    # Of the shell, which is the frame's but for the angle of the hinge between them.
+    # The shell's attitude differs from the frame's by the angle of the hinge between them.
     start = rotation_matrix(np.array(read(folder)["bodies"][0]["start"]["attitude"]))
     assert Rotation.from_euler("xyz", pose[3:]).as_matrix() == pytest.approx(start, abs=1e-14)
 
 
-def test_the_keyframe_of_the_mjcf_is_the_start(exported: Exported) -> None:
-    """MuJoCo's own momentum at the keyframe is the scene's M (measured 1.5e-14 kg m²/s)."""
+def test_the_keyframe_of_the_mjcf_is_the_initial_state(exported: Exported) -> None:
+    """MuJoCo's momentum at the keyframe is the scene's M (measured 1.5e-14 kg m²/s)."""
     scene, folder = exported
     model = mujoco.MjModel.from_xml_path(str(folder / "model.xml"))
     data = mujoco.MjData(model)
@@ -123,14 +123,14 @@ def test_the_keyframe_of_the_mjcf_is_the_start(exported: Exported) -> None:
     assert pytest.approx(scene.start.momentum, abs=1e-13) == M
 
 
-def test_drives_are_told_by_formula_or_by_samples(tmp_path: Path) -> None:
-    """A formula, with its numbers, gives the samples; a function has these alone."""
+def test_drives_are_exported_as_formula_or_samples(tmp_path: Path) -> None:
+    """A formula with its numbers reproduces the samples; functions have samples only."""
     ramp = rb.Ramp(final=3.0, end=0.5, initial=1.0, shape="smooth")
     sine = rb.Sine(amplitude=2.0, frequency=0.7, mean=0.5, phase=0.1)
     scene = rb.load_scene("fig12").with_hinges(command=(ramp, sine))
     names = {path.name for path in rb.export_scene(scene, tmp_path, np.linspace(0, 1, 11))}
     hinges = [body["hinge"] for body in read(tmp_path)["bodies"][1:]]
-    assert [each["command"]["kind"] for each in hinges] == ["ramp", "sine"]
+    assert [hinge["command"]["kind"] for hinge in hinges] == ["ramp", "sine"]
     assert hinges[0]["command"]["breakpoints"] == [0.0, 0.5]
     text = hinges[1]["command"]["formula"]
     rows = read_table(tmp_path / "drives.csv").columns
@@ -149,8 +149,8 @@ def test_drives_are_told_by_formula_or_by_samples(tmp_path: Path) -> None:
     assert motion.path_length == rb.integrate(scene, motion.times).path_length
 
 
-def test_the_friction_that_is_told_is_what_the_motion_needs(tmp_path: Path) -> None:
-    """The largest of both over the time, as the loads have them; half as much again in models."""
+def test_the_exported_friction_is_what_the_motion_needs(tmp_path: Path) -> None:
+    """The maximum over time of both coefficients; 1.5 times as much in the models."""
     scene = rb.load_scene("fig12")
     rb.export_scene(scene, tmp_path)
     loads = rb.integrate(scene).loads
@@ -161,7 +161,7 @@ def test_the_friction_that_is_told_is_what_the_motion_needs(tmp_path: Path) -> N
     floor = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml")).geom("floor")
     assert floor.friction == pytest.approx([*both, 0])
     sdf = ElementTree.parse(tmp_path / "model.sdf")
-    assert [float(each.text or "") for each in sdf.iter("mu")] == pytest.approx(2 * [both[0]])
-    # SDF's torque is 3π/16 · coefficient · patch radius · normal force; the radius is 1 m.
+    assert [float(element.text or "") for element in sdf.iter("mu")] == pytest.approx(2 * [both[0]])
+    # SDF's torque is 3π/16 · coefficient · patch radius · normal force, here with a radius of 1 m.
     (first, *_) = sdf.iter("coefficient")
     assert 3 * np.pi / 16 * float(first.text or "") == pytest.approx(both[1])

@@ -1,4 +1,4 @@
-"""Exports as engines' own importers read them: our files are right, and theirs are the losses."""
+"""Engines' importers read our exports correctly, apart from their known losses."""
 
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,13 @@ from robotball.robot.ball import Solid
 from tests.random_robots import random_scene
 from tests.robotball.view.importers import IMPORTERS, plain
 
-# The latter two are a rubber and a classical robot of three hinges each, off centre.
+# The last two are a rubber and a classical robot with three off-centre hinges each.
 ROBOTS = [random_scene(np.random.default_rng(seed)) for seed in (15, 17)]
 SCENES = [*map(rb.load_scene, ("inclined_plane", "steered_pendulum_robot")), *ROBOTS]
 FILES = {"JSON": "scene.json", "MJCF": "model.xml", "URDF": "model.urdf", "SDF": "model.sdf"}
-# What a format has no word for; importers then have a value of their own.
+# Quantities that a format cannot express; importers then use a default.
 UNSAID = {"URDF": {"gravity", "armature"}, "SDF": {"armature"}}
-# What importers lose of our files, as docs/findings.md and the README of an export say.
+# Quantities that importers lose; see docs/findings.md and the README of an export.
 LOST = {
     "MJCF, pybullet": {"inertia", "gravity", "armature"},
     "MJCF, pybullet, URDF_USE_INERTIA_FROM_FILE": {"inertia", "gravity", "armature"},
@@ -33,11 +33,12 @@ LOST = {
 
 
 def errors_of(scene: rb.Scene, form: str, found: dict[str, Any]) -> dict[str, float]:
-    """The relative errors of a reading in this format against the scene itself.
+    """Return the relative errors of a reading in this format compared with the scene.
 
-    That of the centre is over the radius. What the scene or the format does not have is left out.
+    The error of the centre is relative to the radius. Quantities that the scene or the format does
+    not have are left out.
     """
-    bodies = [Solid(each.mass, each.centre, each.inertia) for _, each in scene.ball.named_bodies]
+    bodies = [Solid(body.mass, body.centre, body.inertia) for _, body in scene.ball.named_bodies]
     hinges = {
         hinge.name: (hinge.body.axis, hinge.motor.armature if hinge.motor else 0.0)
         for hinge in scene.hinges
@@ -47,7 +48,7 @@ def errors_of(scene: rb.Scene, form: str, found: dict[str, Any]) -> dict[str, fl
     for name in own.keys() - UNSAID.get(form, set()):
         ours, theirs = own[name], found[name]
         if isinstance(ours, dict):
-            theirs = [theirs.get(hinge, np.zeros_like(each)) for hinge, each in ours.items()]
+            theirs = [theirs.get(hinge, np.zeros_like(value)) for hinge, value in ours.items()]
             ours = [*ours.values()]
         size = scene.ball.radius if name == "centre" else np.abs(ours).max()
         if size:
@@ -57,22 +58,22 @@ def errors_of(scene: rb.Scene, form: str, found: dict[str, Any]) -> dict[str, fl
 
 @pytest.mark.parametrize("scene", SCENES, ids=range(len(SCENES)))
 @pytest.mark.parametrize("name", IMPORTERS)
-def test_an_importer_reads_the_scene_but_for_what_it_is_known_to_lose(
+def test_importers_read_the_scene_apart_from_known_losses(
     name: str, scene: rb.Scene, tmp_path: Path
 ) -> None:
-    """Within 4e-15, by MuJoCo and by Python; single precision within 1e-6."""
+    """Within 4e-15 with MuJoCo and Python; importers in single precision within 1e-6."""
     pytest.importorskip(name.partition(",")[0])
     rb.export_scene(scene, tmp_path, np.linspace(0.0, 0.1, 3))
     importer, forms = IMPORTERS[name]
     bound = 1e-14 if name in ("mujoco", "json") else 1e-6
     for form in forms:
         errors = errors_of(scene, form, importer(str(tmp_path / FILES[form]), form))
-        wrong = {each for each, error in errors.items() if error > bound}
+        wrong = {name for name, error in errors.items() if error > bound}
         assert wrong <= LOST.get(f"{form}, {name}", set())
 
 
-def test_a_wrong_number_in_a_file_is_found(tmp_path: Path) -> None:
-    """Twice the shell's mass in the MJCF: mass, centre and inertia differ, and nothing else."""
+def test_a_wrong_number_in_a_file_is_detected(tmp_path: Path) -> None:
+    """Doubling the shell's mass in the MJCF changes mass, centre and inertia, and nothing else."""
     scene = SCENES[1]
     rb.export_scene(scene, tmp_path, np.linspace(0.0, 0.1, 3))
     path, mass = tmp_path / FILES["MJCF"], scene.ball.shell.mass
@@ -80,4 +81,4 @@ def test_a_wrong_number_in_a_file_is_found(tmp_path: Path) -> None:
     found = IMPORTERS["mujoco"][0](str(path), "MJCF")
     errors = errors_of(scene, "MJCF", found)
     assert found["mass"] == pytest.approx(scene.ball.mass + mass, rel=1e-15)
-    assert {each for each, error in errors.items() if error > 1e-6} == {"mass", "centre", "inertia"}
+    assert {name for name, error in errors.items() if error > 1e-6} == {"mass", "centre", "inertia"}

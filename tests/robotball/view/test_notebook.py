@@ -1,4 +1,4 @@
-"""Scenes and motions in a notebook: a line of words, the path, a picture, and equality."""
+"""Scenes and motions in a notebook: repr, path, figure, and equality."""
 
 import subprocess
 import sys
@@ -31,43 +31,43 @@ MOTION = rb.simulate(SCENE, TIMES, settings="fast")
 
 @cache
 def notebook_shell() -> Any:
-    """IPython's shell, as a notebook's kernel has one."""
+    """Return an IPython shell as in a notebook's kernel."""
     shell: Any = InteractiveShell()  # type: ignore[no-untyped-call]
     notebook.register(shell)
     return shell
 
 
 def shown_in_a_notebook(value: object) -> str:
-    """The HTML that a notebook displays for a value."""
+    """Return the HTML that a notebook displays for a value."""
     shown, _ = notebook_shell().display_formatter.format(value, include={"text/html"})
     return str(shown["text/html"])
 
 
-def test_a_notebook_that_imports_robotball_shows_its_scenes() -> None:
-    """IPython's HTML of a scene is then its cell."""
+def test_importing_robotball_in_a_notebook_displays_scenes_as_cells() -> None:
+    """IPython's HTML of a scene is its cell."""
     code = "import robotball as rb; html = get_ipython().display_formatter.formatters['text/html']"
     code += "; print(html.lookup(rb.load_scene('fig12')).__name__)"
     shown = subprocess.check_output([sys.executable, "-m", "IPython", "-c", code], text=True)
     assert shown == "scene_cell\n"
 
 
-def test_a_scene_and_a_motion_are_a_line() -> None:
-    """The line has the scene, engine, settings and faults, and no array."""
+def test_the_repr_of_a_scene_or_motion_is_one_line() -> None:
+    """With scene, engine, settings and faults, and without arrays."""
     assert repr(SCENE) == "<Scene fig12: rubber, 1 rotor, 0.9 kg, radius 1 m; 10 s>"
     assert repr(THEORY).startswith("<ReferenceMotion of fig12 by equations ")
     assert repr(MOTION).endswith(", fast: 51 times to 1 s, path 2.737 m, no fault>")
     assert "\n" not in repr(MOTION)
 
 
-def test_a_report_is_a_few_lines_with_its_faults_by_name(tmp_path: Path) -> None:
-    """It has the largest reading of each kind and no array, and each fault on a line of its own."""
+def test_the_repr_of_a_report_has_a_line_for_each_fault(tmp_path: Path) -> None:
+    """And the largest reading of each kind, without arrays."""
     assert repr(MOTION.report).count("\n") == 6
     assert repr(MOTION.report).endswith("\n  no fault>")
     assert f"largest slip [m/s]: {MOTION.report.slip.max():.2g}\n" in str(MOTION.report)
     nothing = np.empty(0)
     broken = replace(MOTION.report, slip=nothing, spin=nothing, depth=nothing)
-    assert repr(broken).count("\n") == 3  # of a run that broke off in its first step
-    start = replace(SCENE.start, momentum=1e12 * SCENE.start.momentum)  # and one at its start
+    assert repr(broken).count("\n") == 3  # of a run that ended in its first step
+    start = replace(SCENE.start, momentum=1e12 * SCENE.start.momentum)  # and one that ended at once
     none = rb.simulate(replace(SCENE, start=start), np.linspace(0.0, 0.1, 6), settings="naive")
     assert repr(none).endswith(", naive: 0 times, path 0 m, 1 fault>")
     assert "<img" not in shown_in_a_notebook(none)
@@ -76,48 +76,49 @@ def test_a_report_is_a_few_lines_with_its_faults_by_name(tmp_path: Path) -> None
         rb.load_motion(tmp_path / "none.csv", SCENE)
     naive = rb.simulate(SCENE, TIMES, settings="naive").report
     assert repr(naive).endswith(
-        "\n  ".join(["", *(f"fault: {each}" for each in naive.faults)]) + ">"
+        "\n  ".join(["", *(f"fault: {fault}" for fault in naive.faults)]) + ">"
     )
 
 
 def pixels_of(shown: str) -> Array:
-    """The picture (height, width, 3) of a cell, each channel 0 to 255."""
+    """Return the picture (height, width, 3) of a cell, channels 0 to 255."""
     (image,) = ElementTree.fromstring(shown).iter("img")
     png = b64decode((image.get("src") or "").removeprefix("data:image/png;base64,"))
     return np.asarray(Image.open(BytesIO(png)).convert("RGB"), dtype=float)
 
 
-def test_a_notebook_shows_the_paths() -> None:
-    """A cell has its motions' colours alone: 0.39 % to 0.70 % of the pixels measured, and 0."""
+def test_a_notebook_cell_shows_the_paths_in_the_engines_colours() -> None:
+    """They cover 0.39 % to 0.70 % of the pixels, no other engine's colour appears."""
     for shown, motions in (
-        (shown_in_a_notebook(SCENE), [THEORY]), (shown_in_a_notebook(MOTION), [MOTION]),
+        (shown_in_a_notebook(SCENE), [THEORY]),
+        (shown_in_a_notebook(MOTION), [MOTION]),
         (cell("both", [THEORY, MOTION]), [THEORY, MOTION]),
-    ):  # fmt: skip
+    ):
         pixels = pixels_of(shown)
-        for each, look in zip((THEORY, MOTION), line_looks([THEORY, MOTION]), strict=True):
+        for motion, look in zip((THEORY, MOTION), line_looks([THEORY, MOTION]), strict=True):
             colour = 255 * np.array(rgb(look.colour))
             share = np.all(np.abs(pixels - colour) < 2, axis=2).mean()
-            assert (share > 1e-3) == (each in motions)
+            assert (share > 1e-3) == (motion in motions)
     assert "&lt;ContactMotion of fig12" in shown_in_a_notebook(MOTION)
 
 
 @pytest.mark.parametrize(("across", "along", "height"), [(1, 1, 720), (1, 30, 480), (0, 0, 480)])
-def test_a_flat_path_makes_a_low_picture(across: float, along: float, height: int) -> None:
-    """The height is half of the 960 pixels at least, also for a ball that stands still."""
+def test_a_flat_path_gives_a_low_picture(across: float, along: float, height: int) -> None:
+    """At least half as high as its 960 pixels of width, also for a ball at rest."""
     circle = np.column_stack([along * np.cos(TIMES), across * np.sin(6 * TIMES)])
     shown = cell("flat", [replace(THEORY, contact_point=circle)])
     assert pixels_of(shown).shape == (height, 960, 3)
 
 
 def cells_of(scene: rb.Scene) -> list[list[str]]:
-    """The rows below the head of the table that shows a scene, which need no path."""
+    """Return the rows below the header of the table that shows a scene; they need no path."""
     shown = shown_in_a_notebook(replace(scene, duration=0.02))
     rows = ElementTree.fromstring(shown).iter("tr")
     return [[cell.text or "" for cell in row] for row in rows][1:]
 
 
-def test_a_notebook_shows_what_is_in_a_scene() -> None:
-    """A row a body: its mass, and what turns it."""
+def test_a_notebook_shows_the_bodies_of_a_scene() -> None:
+    """One row per body: its mass and what drives it."""
     assert cells_of(SCENE) == [
         ["shell", "0.07", ""],
         ["frame", "0.8016", "2 rad/s"],
@@ -126,11 +127,11 @@ def test_a_notebook_shows_what_is_in_a_scene() -> None:
     robot = cells_of(rb.load_scene("steered_pendulum_robot"))
     assert [row[2] for row in robot] == ["", "velocity servo", "position servo"]
     wobbling = cells_of(rb.load_scene("wobbling_drive"))
-    assert any(row[2].endswith(" at first") for row in wobbling)
+    assert any(row[2].endswith(" initially") for row in wobbling)
 
 
-def test_a_scene_that_has_no_path_is_shown_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The cell gives the reason: it neither raises nor takes minutes."""
+def test_a_scene_without_a_path_is_still_displayed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The cell shows the reason; it neither raises nor takes minutes."""
     monkeypatch.setattr(notebook, "_STEPS", 200)
     shown = shown_in_a_notebook(rb.load_scene("servo_motors"))
     assert "200 steps reach t = " in shown
@@ -140,8 +141,8 @@ def test_a_scene_that_has_no_path_is_shown_all_the_same(monkeypatch: pytest.Monk
     assert "&lt;b&gt; &amp; $x$" in odd
 
 
-def test_plot_draws_paths_to_one_scale() -> None:
-    """A metre is as long along X as along Y, and the figure is shown without pyplot."""
+def test_plot_draws_paths_with_equal_scales() -> None:
+    """Along X and Y; the figure is displayed without pyplot."""
     figure = rb.plot(MOTION, THEORY)
     path, momentum = figure.axes
     assert path.get_aspect() == 1.0
@@ -152,11 +153,11 @@ def test_plot_draws_paths_to_one_scale() -> None:
     assert len(by_value(np.array([2.0, 1.88, 0.0]))) == 3
 
 
-def test_equality_is_of_values_and_never_raises() -> None:
+def test_equality_compares_values_and_never_raises() -> None:
     """Equal values make equal scenes and motions; a changed number or another type does not."""
     assert rb.load_scene("fig12") == SCENE
     assert rb.integrate(SCENE, TIMES) == THEORY
-    assert rb.simulate(SCENE, TIMES, settings="fast") == MOTION  # though it took another time
+    assert rb.simulate(SCENE, TIMES, settings="fast") == MOTION  # although its run time differs
     others: list[object] = [THEORY, "fig12", None]
     assert MOTION not in others
     assert SCENE not in others
@@ -165,14 +166,14 @@ def test_equality_is_of_values_and_never_raises() -> None:
     assert rb.Start(SCENE.start.attitude, moved) != SCENE.start
     assert replace(MOTION, times=MOTION.times[:-1]) != MOTION
     assert SCENE.ball == rb.load_scene("fig13").ball
-    # Quantities that a file lacks are NaN in its motion, which still equals itself.
+    # Quantities missing in a file are NaN in its motion, which still equals itself.
     unknown = replace(THEORY.loads, spin_torque=np.full(51, np.nan))
     assert unknown == replace(unknown, spin_torque=np.full(51, np.nan))
     assert unknown != THEORY.loads
 
 
-def test_scenes_are_compared_whatever_their_rates_are() -> None:
-    """Samples given as arrays are those given as numbers; what cannot be compared equals itself."""
+def test_scenes_are_compared_for_any_kind_of_rate() -> None:
+    """Samples given as arrays equal those given as tuples; incomparable rates equal themselves."""
     times, scenes = np.linspace(0.0, 10.0, 50), []
     for values in (np.sin(times), np.sin(times).tolist(), np.cos(times)):
         samples = rb.Samples(times=times, values=values)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The bodies of a motion's ball move as their poses say."""
+"""The poses of a ball's bodies agree with their velocities."""
 
 import numpy as np
 
@@ -11,10 +11,10 @@ RNG = np.random.default_rng(1)
 TREES = [random_tree(RNG, framed) for framed in (False, True)]
 
 
-def test_poses_move_at_their_velocities() -> None:
-    """Central differences of positions and attitudes are the velocities.
+def test_velocities_are_derivatives_of_poses() -> None:
+    """Compared with central differences of positions and attitudes.
 
-    Measured 4e-10 m/s and 2e-9 rad/s: rounding over 2e-5 s, and the difference's own error.
+    Measured 4e-10 m/s and 2e-9 rad/s: rounding over 2e-5 s, and the error of the difference.
     """
     step = 1e-5
     for scene in (*TREES, *(random_scene(RNG) for _ in range(6))):

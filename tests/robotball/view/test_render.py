@@ -1,4 +1,4 @@
-"""The video: the frames, what they show, and the file."""
+"""Films: the frames, their contents, and the file."""
 
 import dataclasses
 import os
@@ -32,25 +32,25 @@ screen = pytest.mark.usefixtures("screen")
 
 
 def share(picture: Pixels, colour: str) -> float:
-    """The share of the pixels in which a colour's strongest channel stands out, as in the ball."""
+    """Return the fraction of pixels in which a colour's strongest channel stands out."""
     wanted = np.array(rgb(colour))
     strong, weak = int(wanted.argmax()), int(wanted.argmin())
     return float((picture[..., strong].astype(int) - picture[..., weak] > 60).mean())
 
 
 @screen
-def test_a_frame_shows_each_engine_s_ball_on_its_side_and_where_they_differ() -> None:
-    """By the engines' colours; a ball that is turned changes its own side alone."""
+def test_a_frame_shows_each_engines_ball_on_its_side() -> None:
+    """In the engines' colours; rotating one ball changes only its side."""
     engine = dataclasses.replace(THEORY, engine=LABEL)
     quarter = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
     turned = dataclasses.replace(engine, attitude=multiply(quarter, THEORY.attitude))
-    picture, other = (next(frames([each, THEORY], SMALL)) for each in (engine, turned))
+    picture, other = (next(frames([motion, THEORY], SMALL)) for motion in (engine, turned))
     assert picture.shape == (*SMALL.size, 3)
-    left, right = np.hsplit(picture[12:94], 2)  # without the texts and the curve
+    left, right = np.hsplit(picture[12:94], 2)  # without the texts and the plot
     assert share(left, LABEL.colour) > 0.01
     assert share(right, LABEL.colour) == 0
     assert share(right, THEORY.engine.colour) > 0.02
-    # The rotor's gold is near the equations' colour, and in both balls.
+    # The rotor's gold is similar to the equations' colour, and on both balls.
     assert share(left, THEORY.engine.colour) < 0.015
     changed = np.hsplit(np.any(picture != other, axis=2), 2)
     assert changed[0].mean() > 0.02
@@ -58,24 +58,24 @@ def test_a_frame_shows_each_engine_s_ball_on_its_side_and_where_they_differ() ->
 
 
 @screen
-def test_motions_by_one_engine_have_a_ball_a_colour_and_a_curve_each() -> None:
-    """Three in one picture, one of them elsewhere, and in one each; measured 0.006 at least."""
+def test_motions_with_one_engine_differ_in_ball_colour_and_curve() -> None:
+    """Three motions in one picture and in separate ones; measured fractions of at least 0.006."""
     engine = dataclasses.replace(THEORY, engine=LABEL)
     away = dataclasses.replace(engine, contact_point=THEORY.contact_point + np.array([5.0, 0.0]))
     motions, film = [engine, away, THEORY], Film(size=(264, 480))
     colours = colours_of(motions)
     assert (len(set(colours)), colours[0], colours[2]) == (3, LABEL.colour, THEORY.engine.colour)
-    each = next(frames(motions, film))
-    for third, colour in zip(np.hsplit(each[26:186], 3), colours, strict=True):
+    separate = next(frames(motions, film))
+    for third, colour in zip(np.hsplit(separate[26:186], 3), colours, strict=True):
         assert share(third, colour) > 0.02
     one = next(frames(motions, dataclasses.replace(film, ghost=True)))
     assert min(share(one[26:186], colour) for colour in colours[:2]) > 0.003
-    assert min(share(each[186:], colour) for colour in colours[:2]) > 0.002
+    assert min(share(separate[186:], colour) for colour in colours[:2]) > 0.002
 
 
 @screen
-def test_a_path_is_as_smooth_in_a_film_of_few_frames() -> None:
-    """Its corners are 0.02 s apart or less at 1 and at 200 frames a second, and on the motion."""
+def test_a_path_is_smooth_in_a_film_with_few_frames() -> None:
+    """At 1 and at 200 frames per second its corners are at most 0.02 s apart, and on the motion."""
     long = rb.integrate(FIG12, np.linspace(0.0, 2.0, 101))
     for fps in (1, 200):
         painter = render._Painter([long, long], dataclasses.replace(SMALL, fps=fps))
@@ -86,18 +86,19 @@ def test_a_path_is_as_smooth_in_a_film_of_few_frames() -> None:
 
 
 @pytest.mark.parametrize("place", [(295.0, 190.0), (40.0, 30.0)], ids=["corner", "no room above"])
-def test_words_stay_inside_and_never_cover_each_other(place: tuple[float, float]) -> None:
-    """Three at one place have as many pixels of their colours as alone, wherever it is."""
+def test_labels_stay_inside_the_picture_and_do_not_overlap(place: tuple[float, float]) -> None:
+    """Three at one place have as many coloured pixels as alone, wherever the place is."""
     font = ImageFont.truetype(str(render._FONTS / "DejaVuSans-Bold.ttf"), 20)
     box = np.array([0, 0, 300, 200])
 
     def written(*words: str) -> Pixels:
         image = Image.new("RGB", (300, 200), "white")
-        render._write(image, [("a ball\n1 m off", each, place) for each in words], font, box)
+        render._write(image, [("a ball\n1 m off", colour, place) for colour in words], font, box)
         return np.asarray(image)
 
     alone = {
-        each: np.all(written(each) == 255 * np.array(rgb(each)), axis=2).sum() for each in COLOURS
+        colour: np.all(written(colour) == 255 * np.array(rgb(colour)), axis=2).sum()
+        for colour in COLOURS
     }
     together = written(*COLOURS)
     for colour, pixels in alone.items():
@@ -105,7 +106,7 @@ def test_words_stay_inside_and_never_cover_each_other(place: tuple[float, float]
         assert np.all(together == 255 * np.array(rgb(colour)), axis=2).sum() == pixels
 
 
-# A head of 0.08 m, its centre 0.2 m above that of a shell of 0.15 m.
+# A head of 0.08 m, its centre 0.2 m above the centre of a shell of 0.15 m.
 HEADED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/><body name="ball" pos="0 0 .15">
   <freejoint/><geom type="sphere" size=".15" mass="1"/><body name="head">
   <joint name="neck" axis="0 0 1"/>
@@ -114,17 +115,17 @@ HEADED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/><body name="bal
 
 
 @screen
-def test_a_name_stands_clear_of_what_stands_above_a_shell(tmp_path: Path) -> None:
-    """Two lines of it are above a head's top in the picture; without a head it is nearer."""
+def test_a_name_is_clear_of_parts_above_a_shell(tmp_path: Path) -> None:
+    """Two lines of text are above a head in the picture; without a head they are lower."""
     file, film = tmp_path / "headed.xml", Film(size=(264, 480))
     file.write_text(HEADED)
 
     def clear(scene: rb.Scene) -> float:
-        """The pixels between the head's top, 28/15 radii above, and the name above a ball."""
+        """Return the pixels from the head's top, 28/15 radii up, to the name above it."""
         theory = rb.integrate(scene, TIMES)
         motions = [dataclasses.replace(theory, engine=LABEL), theory]
         painter = render._Painter(motions, dataclasses.replace(film, ghost=True))
-        name, _ = painter._named(0, {0: (100.0, 100.0, 30.0), 1: (100.0, 100.0, 30.0)})
+        name, _ = painter._ball_names(0, {0: (100.0, 100.0, 30.0), 1: (100.0, 100.0, 30.0)})
         return (100.0 - 28 / 15 * 30.0) - (name[2][1] + painter.sheet.line)
 
     assert 0 <= clear(rb.load_scene(str(file))) < 3  # measured 1.0
@@ -133,7 +134,7 @@ def test_a_name_stands_clear_of_what_stands_above_a_shell(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 @screen
-def test_frames_are_the_same_from_any_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_do_not_depend_on_the_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last pixel, and in order."""
     monkeypatch.setattr(render, "_MANY", 2)
     drawn = []
@@ -148,10 +149,8 @@ def test_frames_are_the_same_from_any_number_of_processes(monkeypatch: pytest.Mo
 @pytest.mark.slow
 @screen
 @pytest.mark.parametrize("suffix", ["mp4", "webm", "gif"])
-def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
-    tmp_path: Path, suffix: str
-) -> None:
-    """At 10 frames a second, two times slower than life, of a run that broke off at 0.3 s."""
+def test_a_video_ends_with_the_shorter_motion(tmp_path: Path, suffix: str) -> None:
+    """10 frames per second, slowed twice, of a run that ended at 0.3 s."""
     done: list[float] = []
     target = tmp_path / f"ball.{suffix}"
     film = dataclasses.replace(SMALL, fps=10, slow=2.0)
@@ -170,8 +169,10 @@ def test_a_video_has_every_frame_to_the_end_of_the_shorter_motion(
 @screen
 @pytest.mark.skipif(cores() < 2, reason="there is one core")
 @pytest.mark.parametrize("suffix", ["mp4", pytest.param("webm", marks=pytest.mark.study)])
-def test_a_video_has_the_same_bytes_on_any_number_of_cores(tmp_path: Path, suffix: str) -> None:
-    """The encoder would take as many threads as there are cores."""
+def test_the_bytes_of_a_video_do_not_depend_on_the_number_of_cores(
+    tmp_path: Path, suffix: str
+) -> None:
+    """By default the encoder would use as many threads as there are cores."""
     allowed, film, written = os.sched_getaffinity(0), Film(size=(240, 320), fps=20), []
     try:
         for some in ({min(allowed)}, allowed):
@@ -185,7 +186,7 @@ def test_a_video_has_the_same_bytes_on_any_number_of_cores(tmp_path: Path, suffi
 
 
 @screen
-def test_a_motion_of_no_more_than_a_frame_shows_its_start_and_end() -> None:
+def test_a_motion_shorter_than_a_frame_shows_its_start_and_end() -> None:
     """The two pictures differ."""
     for end in (0.01, 1 / 30):
         short = rb.integrate(FIG12, np.linspace(0.0, end, 3))
@@ -208,11 +209,15 @@ def test_one_motion_alone_is_filmed(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @screen
-def test_every_choice_changes_the_picture() -> None:
-    """Two panes, a ghost, arrows, and the three cameras: no two alike."""
+def test_every_option_changes_the_picture() -> None:
+    """Two panes, a ghost, arrows, and the three cameras give different pictures."""
     changes: list[dict[str, Any]] = [
-        {}, {"ghost": True}, {"arrows": True}, {"camera": "above"}, {"camera": "whole"}
-    ]  # fmt: skip
+        {},
+        {"ghost": True},
+        {"arrows": True},
+        {"camera": "above"},
+        {"camera": "whole"},
+    ]
     films = [dataclasses.replace(SMALL, **change) for change in changes]
     drawn = [next(frames([THEORY, THEORY], film)).tobytes() for film in films]
     assert len(set(drawn)) == len(changes)
@@ -220,26 +225,26 @@ def test_every_choice_changes_the_picture() -> None:
 
 @pytest.mark.slow
 @screen
-def test_a_rotor_too_fast_for_the_film_shows_no_marks() -> None:
-    """At 148 rad/s and 30 frames/s its angle changes nothing but rounding; slowed 60 times it does.
+def test_a_rotor_too_fast_for_the_film_has_no_marks() -> None:
+    """At 148 rad/s and 30 frames/s its angle has no visible effect; slowed 60 times it has.
 
-    By a twelfth of a turn, which brings the facets of its rim onto each other. Measured 0 and 0.008
-    of the pixels.
+    It is rotated by a twelfth of a turn, which maps the facets of its rim onto each other.
+    Measured 0 and 0.008 of the pixels.
     """
     turned = dataclasses.replace(
         THEORY, hinge_angles=THEORY.hinge_angles + np.array([0.0, np.pi / 6])
     )
-    still = dataclasses.replace(THEORY)  # another motion than the reference, to the film
+    still = dataclasses.replace(THEORY)  # a different object from the reference
     for slow, least, most in ((1.0, 0.0, 5e-4), (60.0, 2e-3, 1.0)):
         film = dataclasses.replace(SMALL, size=(160, 240), slow=slow)
-        with at_most(1):  # a slow film has so many frames that processes would draw them
-            first, second = (next(frames([each, THEORY], film)) for each in (still, turned))
+        with at_most(1):  # a slow film has enough frames to be drawn in several processes
+            first, second = (next(frames([motion, THEORY], film)) for motion in (still, turned))
         assert least <= np.any(first != second, axis=2).mean() <= most
 
 
 @screen
-def test_memory_does_not_grow_with_the_film() -> None:
-    """In the second half of 10 frames: all that is more would be 0.4 MB; measured 0.005 MB."""
+def test_memory_does_not_grow_with_the_length_of_a_film() -> None:
+    """In the second half of 10 frames: keeping them would take 0.4 MB; measured 0.005 MB."""
     with at_most(1):
         drawn, peaks = frames([THEORY, THEORY], SMALL), []
         tracemalloc.start()
@@ -250,8 +255,8 @@ def test_memory_does_not_grow_with_the_film() -> None:
 
 
 @screen
-def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
-    """Nor is there half of a new one."""
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
+    """And leaves no partial new file."""
     target = tmp_path / "ball.mp4"
     target.write_bytes(b"the old one")
 
@@ -270,7 +275,9 @@ REFUSED: dict[str, Callable[[], object]] = {
     "even 120 4320 118x120": lambda: Film(size=(120, 118)),
     "slow": lambda: Film(slow=0.0),
     "camera follow above whole 'behind'": lambda: Film(camera="behind"),  # type: ignore[arg-type]
-    "same~times": lambda: frames([dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]),
+    "same~sample~times": lambda: frames(
+        [dataclasses.replace(THEORY, times=THEORY.times * 1.01), THEORY]
+    ),
     ".mp4 ball.avi": lambda: rb.film("ball.avi", [THEORY, THEORY]),
     ".mp4 no/folder/ball.mp4": lambda: rb.film("no/folder/ball.mp4", [THEORY] * 2),
     "GL video": lambda: frames([THEORY, THEORY]),
@@ -278,18 +285,16 @@ REFUSED: dict[str, Callable[[], object]] = {
 
 
 @pytest.mark.parametrize("facts", REFUSED)
-def test_what_cannot_be_drawn_or_written_is_refused(
-    facts: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each with the limit, and where there is no OpenGL with what to install."""
+def test_invalid_films_are_refused(facts: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The message has the limit or, without OpenGL, what to install."""
     monkeypatch.setattr(gl, "find_backend", lambda: None)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     with pytest.raises(rb.InputError, match=naming(facts)):
         REFUSED[facts]()
 
 
-def test_mujoco_gl_is_the_only_candidate_where_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And none is tried where it is off."""
+def test_mujoco_gl_is_the_only_candidate_if_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If it is off, nothing is tried."""
     tried: list[str] = []
     monkeypatch.setattr(gl, "_works", tried.append)
     for name in ("osmesa", "off"):

@@ -1,4 +1,4 @@
-"""The stage: bodies, shadows and paths stand where the motion has them."""
+"""The stage shows bodies, shadows and paths at the motion's positions."""
 
 import mujoco
 import numpy as np
@@ -30,8 +30,8 @@ FIG12 = rb.load_scene("fig12")
     ],
     ids=["rotors", "W4", "tree", "framed tree"],
 )
-def test_both_balls_bodies_stand_as_the_library_s(scene: rb.Scene) -> None:
-    """Rotors and pendulums too, by `poses`; measured 7e-16 rad, 5e-16 radii."""
+def test_bodies_on_the_stage_have_the_poses_of_the_motion(scene: rb.Scene) -> None:
+    """Including rotors and pendulums, compared with `poses`; measured 7e-16 rad, 5e-16 radii."""
     motion = rb.integrate(scene, TIMES)
     track, looks, wanted = track_of(motion), looks_of(scene.ball), poses(motion)
     stands = track.stands(track.at(TIMES[-1:]))
@@ -48,16 +48,16 @@ def test_both_balls_bodies_stand_as_the_library_s(scene: rb.Scene) -> None:
 
 
 def test_bodies_between_samples_follow_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half way between samples 20 ms apart, also where only samples near the times are read.
+    """Halfway between samples 20 ms apart, also if only samples near the times are used.
 
-    Measured 5e-4 and 2e-6 radii; splines through two samples and a margin agree with those through
-    all to 5e-15 radii, and are 2e-6 off with a margin too narrow.
+    Measured 5e-4 and 2e-6 radii. Splines through two samples and a margin agree with those through
+    all samples to 5e-15 radii; with too narrow a margin they are off by 2e-6.
     """
     times = np.linspace(0.0, 1.0, 51)
     between = (times[:-1] + times[1:]) / 2
     exact = track_of(rb.integrate(FIG12, np.concatenate([[0.0], between])))
     track = track_of(rb.integrate(FIG12, times))
-    wanted, whole = (each.stands(each.at(between)) for each in (exact, track))
+    wanted, whole = (track_.stands(track_.at(between)) for track_ in (exact, track))
     part = track.stands(track.at(between[24:26]))
     for name, (turn, shift) in whole.items():
         assert np.abs(turn - wanted[name][0]).max() < 2e-3
@@ -75,7 +75,7 @@ CENTRE = STANDS["shell"][1][0]
 
 
 def drawn(points: Array, opacity: float, trail: float) -> Array:
-    """A picture of fig12's ball from above with a path."""
+    """Return a picture of fig12's ball from above with a path."""
     looks = looks_of(FIG12.ball)
     shown = Stage((SIDE, SIDE), looks, ["#0072B2"], [points], 7.2, str(gl.find_backend()))
     shown.place([STANDS], [{}])
@@ -86,15 +86,15 @@ def drawn(points: Array, opacity: float, trail: float) -> Array:
 
 
 def at(picture: Array, point: Array) -> Array:
-    """The pixels (9, 3) around a point (2,) on the floor, from the picture's middle."""
+    """Return the pixels (9, 3) around a point (2,) on the floor, from the picture's centre."""
     x, y = SIDE / 2 * (1 + LENS / HIGH * np.array([point[1], point[0]]))
     return picture[int(y) - 1 : int(y) + 2, int(x) - 1 : int(x) + 2].reshape(9, 3)
 
 
 @pytest.mark.usefixtures("screen")
 @pytest.mark.parametrize("size", [(120, 240), (240, 120)])
-def test_a_point_is_seen_where_the_renderer_draws_it(size: tuple[int, int]) -> None:
-    """A small sphere, from aside, in a wide and a tall picture; measured 0.07 pixels off."""
+def test_a_point_is_projected_to_where_the_renderer_draws_it(size: tuple[int, int]) -> None:
+    """A small sphere, from the side, in a wide and a tall picture; measured 0.07 pixels off."""
     point, camera = np.array([0.7, -0.5, 1.2]), Camera(np.array([0.0, 0.0, 0.8]), 7.0, 0.6, 0.4)
     dot = Shape("sphere", np.array([0.1, 0.0, 0.0]), point, material="#ff0000ff")
     backend = str(gl.find_backend())
@@ -103,21 +103,21 @@ def test_a_point_is_seen_where_the_renderer_draws_it(size: tuple[int, int]) -> N
     red = shown.draw(camera, [1.0], [0.0], 1).astype(int)
     shown.close()
     rows, columns = np.nonzero(red[..., 0] - red[..., 1] > 60)
-    x, y, radius = camera.seen(point, size)
+    x, y, radius = camera.project(point, size)
     assert np.hypot(columns.mean() + 0.5 - x, rows.mean() + 0.5 - y) < 0.3
-    # Its edge has pixels that are red in part: measured 2.9 for 2.8.
+    # Pixels on its edge are partly red: measured 2.9 for 2.8.
     assert np.sqrt(len(rows) / np.pi) == pytest.approx(0.1 * radius, abs=0.4)
 
 
-def test_the_sun_of_the_shadows_is_that_of_the_floor() -> None:
-    """By its direction in mjcf/floor.xml."""
+def test_the_sun_of_the_shadows_is_the_floors_light() -> None:
+    """Its direction is read from mjcf/floor.xml."""
     model = build_stage({}, [], []).compile()
     assert model.light("sun").dir == pytest.approx(SUN / np.linalg.norm(SUN))
 
 
 @pytest.mark.usefixtures("screen")
-def test_a_shadow_lies_on_the_side_away_from_the_sun() -> None:
-    """One radius past the ball's outline; measured 42 levels of 255, and 0 on the sun's side."""
+def test_a_shadow_lies_opposite_to_the_sun() -> None:
+    """One radius beyond the ball's outline it is 42 levels of 255 darker; on the sun's side 0."""
     path = np.array([[0.0, 3.0], [1.0, 3.0]])
     bare, shaded = (drawn(path, opacity, 0.0) for opacity in (0.0, 1.0))
     away = 1.25 * SUN[:2] / np.linalg.norm(SUN[:2])
@@ -128,7 +128,7 @@ def test_a_shadow_lies_on_the_side_away_from_the_sun() -> None:
 @pytest.mark.usefixtures("screen")
 @pytest.mark.parametrize("points", [stage.POINTS, 10])
 def test_a_path_is_drawn_to_its_end(points: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whole, and thinned; its blue is there, and not where the path has not been."""
+    """Complete and thinned: blue on the path, and only there."""
     monkeypatch.setattr(stage, "POINTS", points)
     line = np.column_stack([np.linspace(-1.0, 1.0, 101), np.full(101, 1.8)]) + CENTRE[:2]
     picture = drawn(line, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The viewer: keys move its clock, no display is a line."""
+"""The viewer: keys control its clock; a missing display is reported."""
 
 import pytest
 
@@ -8,12 +8,12 @@ from tests.messages import naming
 
 
 def test_keys_pause_scrub_and_change_the_speed() -> None:
-    """The time never leaves the motion's own."""
+    """The time stays within the motion."""
     clock = Clock(end=2.0)
     for code, seconds, t in (
         (None, 0.25, 0.25), (UP, 0.25, 0.75), (SPACE, 1.0, 0.75), (RIGHT, 0, 1.25),
         (RIGHT, 0, 1.75), (RIGHT, 0, 2.0), (LEFT, 0, 1.5), (HOME, 0, 0.0), (LEFT, 0, 0.0),
-        (DOWN, 0, 0.0), (SPACE, 1.5, 1.5), (None, 1.0, 0.0),  # begun anew
+        (DOWN, 0, 0.0), (SPACE, 1.5, 1.5), (None, 1.0, 0.0),  # restarted
     ):  # fmt: skip
         if code is not None:
             clock.key(code)
@@ -22,10 +22,10 @@ def test_keys_pause_scrub_and_change_the_speed() -> None:
 
 
 @pytest.mark.parametrize("display", [None, ":4711"])
-def test_without_a_display_one_line_says_what_else_there_is(
+def test_without_a_display_the_error_names_the_alternative(
     monkeypatch: pytest.MonkeyPatch, display: str | None
 ) -> None:
-    """Where there is none, and where the one that is named does not answer."""
+    """No display is set, or the one that is set does not respond."""
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.delenv("DISPLAY", raising=False)

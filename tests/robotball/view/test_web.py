@@ -1,4 +1,4 @@
-"""The 3-D view of a page: it draws, plays, scrubs and turns in a browser without a network."""
+"""The 3-D view of a page draws, plays, scrubs and orbits in a browser without a network."""
 
 import json
 import re
@@ -21,18 +21,18 @@ TIMES = np.linspace(0.0, 2.0, 101)  # s
 THEORY = rb.integrate(rb.load_scene("three_rotors"), TIMES)
 
 
-def test_a_view_carries_the_motion_as_it_is() -> None:
+def test_a_view_contains_the_motion() -> None:
     """Rows are contact points in radii, attitudes and hinge angles, as 32-bit floats."""
     data = view_data([THEORY])
     rows = np.frombuffer(b64decode(data["balls"][0]["rows"]), "<f4").reshape(len(TIMES), -1)
     wanted = [THEORY.contact_point / THEORY.scene.ball.radius, THEORY.attitude, THEORY.hinge_angles]
-    # Measured 1e-5 on an angle of 300 rad: the rounding of 32 bits.
+    # Measured 1e-5 for an angle of 300 rad: rounding to 32 bits.
     assert np.allclose(rows, np.column_stack(wanted), rtol=1e-7, atol=1e-6)
     assert data["step"] == STEP
 
 
-def test_a_motion_too_long_or_too_short_says_so() -> None:
-    """A thousandfold duration has no more samples than MOST; one that ended at its start none."""
+def test_a_motion_too_long_or_too_short_for_a_view_is_reported() -> None:
+    """A thousandfold duration is cut to MOST samples; one that ended at its start is refused."""
     long = replace(THEORY, times=THEORY.times * 1000)
     assert view_data([long])["count"] == MOST
     assert unnamed("399.98~s 2000~s", view_fragment([long])) == []
@@ -40,8 +40,8 @@ def test_a_motion_too_long_or_too_short_says_so() -> None:
         view_fragment([replace(THEORY, times=THEORY.times[:1])])
 
 
-def test_a_title_is_text_and_never_markup_and_nothing_is_asked_for_outside() -> None:
-    """Whatever a user calls his scene; no address, no file."""
+def test_a_title_is_escaped_and_the_page_needs_no_other_file() -> None:
+    """Whatever the scene's name: no markup, no address, no file."""
     scene = replace(THEORY.scene, title="<b>&</script>", name='a"</script>')
     page = view_page([replace(THEORY, scene=scene)])
     assert "<b>" not in page
@@ -80,13 +80,15 @@ PLACES = """[...document.querySelectorAll(".rb-view")].map(({rollingBalls}) => {
 
 @needs_browser
 @pytest.mark.slow
-def test_a_view_plays_scrubs_and_turns(tmp_path: Path) -> None:
-    """Paused it stands still; scrubbed, turned and laid over it shows something else each time."""
+def test_a_view_plays_scrubs_and_orbits(tmp_path: Path) -> None:
+    """Paused, it does not change; scrubbing, orbiting and overlaying change the picture."""
     moved = replace(THEORY, contact_point=THEORY.contact_point * 1.5)
     with opened(view_page([moved, THEORY]), tmp_path, 360) as browser:
         told = browser.run(DRIVE)
         assert browser.console == []
-        assert [each for each in browser.requests if not each.startswith(("file:", "data:"))] == []
+        assert [
+            request for request in browser.requests if not request.startswith(("file:", "data:"))
+        ] == []
     assert told["still"]
     assert told["distinct"] == 4
     assert told["size"] > 20_000  # an empty picture has 2 to 10 thousand characters
@@ -100,15 +102,15 @@ def test_a_view_plays_scrubs_and_turns(tmp_path: Path) -> None:
 
 @needs_browser
 @pytest.mark.slow
-def test_a_view_s_bodies_stand_as_the_motion_s(tmp_path: Path) -> None:
-    """Rotors, and trees with slides, with and without a frame, three views of a page.
+def test_bodies_in_a_view_have_the_poses_of_the_motion(tmp_path: Path) -> None:
+    """Rotors and trees with slides, with and without a frame, three views on a page.
 
-    At t = 1 s, by the poses of the library; measured 1.5e-6: 32 bits of a rotor's angle.
+    At t = 1 s, compared with `poses`; measured 1.5e-6: 32 bits for a rotor's angle.
     """
     trees = (random_tree(np.random.default_rng(3), framed) for framed in (False, True))
     motions = [THEORY, *(rb.integrate(tree, TIMES[:76]) for tree in trees)]
     with opened(
-        view_page([THEORY]) + "".join(view_fragment([each]) for each in motions[1:]), tmp_path
+        view_page([THEORY]) + "".join(view_fragment([motion]) for motion in motions[1:]), tmp_path
     ) as browser:
         found = browser.run(PLACES)
     off = []
@@ -119,4 +121,4 @@ def test_a_view_s_bodies_stand_as_the_motion_s(tmp_path: Path) -> None:
             off.append(matrix[:3, :3] - rotation_matrix(wanted.attitude[row]))
             centre = matrix[:3, 3] + matrix[:3, :3] @ body.centre / ball.radius
             off.append(centre - wanted.position[row] / ball.radius)
-    assert max(np.abs(each).max() for each in off) < 3e-6
+    assert max(np.abs(errors).max() for errors in off) < 3e-6

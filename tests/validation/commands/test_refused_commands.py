@@ -82,7 +82,7 @@ REFUSED = {
     "dynamics branches fig12 --of line --over f=1:2 --preset fast": "--preset cycles",
     "dynamics branches fig06 --of cycle --over K3=0.1:0.2": "cycle K3",
     "dynamics branches chaplygin_ball --of line --over K3=0:1": "Omega~=~0",
-    "dynamics branches fig06 --of cycle --over f=1:2": "start c",
+    "dynamics branches fig06 --of cycle --over f=1:2": "state c",
     "dynamics branches wobbling_drive --of cycle --over K3=0:1": "number 'K3'",
     "dynamics branches wobbling_drive --of line --over K3=0:1": LATER,
     "dynamics branches beaver_ball --of cycle --over frequency=1:2": "beaver_ball turns period",
@@ -113,15 +113,15 @@ REFUSED = {
     "dynamics chart fig14 --over K=2:2": "NAME=FROM:TO 'K=2:2'",
     "dynamics chart fig14 --over K=0:1,K=1:2": "two 'K=0:1,K=1:2'",
     "dynamics chart fig14 --over K=0:1,Omega=0:1 --follow": "number --over",
-    "dynamics chart fig14 --over c=0:2": "c~is~0 (3.1) 2 f",
+    "dynamics chart fig14 --over c=0:2": "c~must~be~0 (3.1) 2 f",
     "dynamics chart classical_chaotic --over f=1:8 --quick": "(M,~γ) 3 M² 8",
-    "dynamics chart chaplygin_ball --over Omega=0:1": "Omega zero",
+    "dynamics chart chaplygin_ball --over Omega=0:1": "Omega~=~0",
     "dynamics chart fig14 --over K=0:1 --duration 0": "duration 0~s",
     # scenes that a command is not for, each answered by a command that is
     "design fig12 --rotor-speed 0.01": "rotor 0.01~rad/s",
     "dynamics section fig12 --preset naive --count 2": "MuJoCo t~=~0.001…~s",
     **{f"{each} wobbling_drive": LATER for each in ("dynamics equilibria", "dynamics basins")},
-    "dynamics exponents pendulum_robot": "motor state",
+    "dynamics exponents pendulum_robot": "motors states",
     "dynamics section wobbling_drive --g 1": "section phase g",
     **{
         f"{each} fig06": AT_REST

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.view.lines import Look
+from robotball.view.lines import LineStyle
 from tests.browser import Browser, needs_browser, opened
 from tests.conftest import Robotball
 from tests.messages import unnamed
@@ -274,7 +274,7 @@ def test_ticks_are_round(low: float, high: float, expected: list[float]) -> None
 @pytest.mark.parametrize("y", [[0.0] * 5, [7.0] * 5, [0.0, 1e-3, float("nan"), 1e-9, 1.0]])
 def test_a_chart_can_draw_degenerate_lines(y: list[float], log: bool) -> None:
     """Cases: a constant, zeros on a logarithmic axis, and a gap, for example with M(0) = 0."""
-    line = Line(Look("a & b", "#000000"), np.linspace(0.0, 1.0, 5), np.array(y))
+    line = Line(LineStyle("a & b", "#000000"), np.linspace(0.0, 1.0, 5), np.array(y))
     svg = chart([line], "t < 1", "y", log=log)
     assert "t < 1" in [each.text for each in ElementTree.fromstring(svg).iter("text")]
     assert "nan" not in svg.lower()
@@ -284,7 +284,7 @@ def test_a_chart_can_draw_degenerate_lines(y: list[float], log: bool) -> None:
 def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
     """Pixels per metre are equal on both axes; the legend has the dashes of the line."""
     x = np.linspace(0.0, 30.0, 900)
-    line = Line(Look("a", "#000000", (2, 3)), x, np.sin(x), width=1.0)
+    line = Line(LineStyle("a", "#000000", (2, 3)), x, np.sin(x), width=1.0)
     assert 'stroke-dasharray="2 3"' in legend([line])
     frame = np.array([[-1.0, 31.0], [-3.2, 3.2]])
     svg = ElementTree.fromstring(chart([line], "X", "Y", frame=frame))

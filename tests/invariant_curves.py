@@ -51,7 +51,7 @@ def invariant_curve(points: Array) -> InvariantCurve:
     if points.ndim != 2 or len(points) < 100 or not np.isfinite(points).all():
         raise InputError("an invariant curve needs 100 finite points (m, k) or more")
     if np.ptp(points, axis=0).max() < 1e-9 * np.abs(points).max():
-        raise InputError("the points are all the same: a fixed point, no invariant curve")
+        raise InputError("all points are equal: a fixed point has no invariant curve")
     fits = [_fitted(points, rotation) for rotation in _candidate_rotations(points)]
     return min(fits, key=lambda curve: curve.residual)
 

@@ -43,12 +43,12 @@ def main() -> dict[str, float]:
         axes.imshow(stage.draw(camera, [1.0], [0.0], 0, [*arrows.values()]), aspect="auto")
         stage.close()
         for motion, width in ((theory, 4.0), (engine, 1.2)) if number == 4 else ():
-            path = [camera.seen([*point, 0.0], SIZE)[:2] for point in track_of(motion).points]
+            path = [camera.project([*point, 0.0], SIZE)[:2] for point in track_of(motion).points]
             axes.plot(*np.array(path).T, color=motion.engine.colour, lw=width)
         points = {name: end + 0.12 * (end - begin) for name, (begin, end, _) in arrows.items()}
         points |= {"C": up} if number == 3 else {"O": 0 * up, "C": centre, "P": centre - up}
         for name, point in points.items():
-            axes.text(*camera.seen(point, SIZE)[:2], name, ha="center", fontsize=16)
+            axes.text(*camera.project(point, SIZE)[:2], name, ha="center", fontsize=16)
         axes.set_axis_off()
         Path("out").mkdir(exist_ok=True)
         axes.figure.savefig(f"out/fig{number:02}.png")

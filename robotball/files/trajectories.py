@@ -70,8 +70,8 @@ _NO_UNIT = ("", "-", "1")
 class _Array:
     """An array of a motion: its path, the names of its columns, their unit and dimension.
 
-    dimension: "" for an array (n,), else the name of its second dimension. Vectors in world axes and
-    in frame axes have dimensions of different names.
+    dimension: "" for an array (n,), else the name of its second dimension. Vectors in world axes
+    and in frame axes have dimensions of different names.
     """
 
     path: _ArrayPath

@@ -167,7 +167,7 @@ def test_a_film_of_a_users_robot_shows_its_mesh_and_says_nothing_of_rotors(tmp_p
     assert greens[0] > 5e-4
     assert greens[1] == 0
     notes = [*render._notes([FIG12], film, looks_of(FIG12.scene.ball))]
-    assert untold(["rotor marks"], notes) == []
+    assert untold(["rotors marks"], notes) == []
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
     return [_write(drawing) for drawing in drawings]
 
 
-def _write(drawing: tuple[str, "Sheet", Path]) -> Path:
+def _write(drawing: tuple[str, "_Sheet", Path]) -> Path:
     kind, sheet, path = drawing
     return write_picture(path, PICTURES[kind](sheet))
 
@@ -113,7 +113,7 @@ class _Line:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class _Sheet:
     """The contents of a scene's pictures.
 
     Attributes
@@ -138,7 +138,7 @@ class Sheet:
     frame: _Array
 
 
-def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
+def sheet_of(agreements: Sequence["Agreement"]) -> _Sheet:
     """Return the sheet of a scene's agreements with an engine."""
     from robotball.view.lines import line_looks
 
@@ -146,7 +146,7 @@ def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     scene = theory.scene
     own, *looks = line_looks([theory, *(run.motion for run in agreements)])
     vector = ", ".join(f"{component:.3g}" for component in theory.momentum[0].round(12) + 0.0)
-    return Sheet(
+    return _Sheet(
         title=f"{scene.name}: {scene.title}",
         lines=[_Line(own, _thinned(theory.contact_point)), *map(_line, looks, agreements)],
         momentum=f"M = ({vector}) kg m²/s is constant" if scene.keeps_momentum else "",
@@ -178,7 +178,7 @@ def extremes(values: _Array) -> NDArray[np.int64]:
     return np.array(ends).ravel()
 
 
-def path_picture(sheet: Sheet) -> "Figure":
+def path_picture(sheet: _Sheet) -> "Figure":
     """Draw the paths of the contact points, and their distance over time below."""
     across, up = np.ptp(sheet.frame, axis=1)
     figure, (paths, errors) = _panels(sheet, (_RIGHT - _LEFT) * up / across, _HIGH)
@@ -195,7 +195,7 @@ def path_picture(sheet: Sheet) -> "Figure":
     return figure
 
 
-def momentum_picture(sheet: Sheet) -> "Figure":
+def momentum_picture(sheet: _Sheet) -> "Figure":
     """Draw the error of M over time."""
     figure, (errors,) = _panels(sheet, _HIGH)
     _draw_errors(figure, sheet, 1)
@@ -207,7 +207,7 @@ def momentum_picture(sheet: Sheet) -> "Figure":
 PICTURES = {"path": path_picture, "momentum": momentum_picture}
 
 
-def _panels(sheet: Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
+def _panels(sheet: _Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
     """Return a figure of panels with heights in inches; the last shows errors over time."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
@@ -246,7 +246,7 @@ def _draw(axes: "Axes", line: _Line, place: int, x: _Array, y: _Array) -> None:
         axes.plot(x[-1:], y[-1:], "X", color=look.colour, mec="black", markersize=10, zorder=5)
 
 
-def _draw_errors(figure: "Figure", sheet: Sheet, kind: int, scale: float = 1.0) -> None:
+def _draw_errors(figure: "Figure", sheet: _Sheet, kind: int, scale: float = 1.0) -> None:
     """Draw one kind of errors in the last panel, down to rounding, and the legend at the top."""
     least, axes = LEAST * scale, figure.axes[-1]
     errors = [line.errors[kind] for line in sheet.lines[1:]]

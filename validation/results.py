@@ -91,7 +91,7 @@ def controls_of(texts: Sequence[str]) -> dict[str, Rate]:
     return controls
 
 
-def controller_of(text: str) -> Controller:
+def _controller_of(text: str) -> Controller:
     """Run a file and return its controller, given as `FILE.py:NAME`.
 
     The controller can be pickled; the other process runs the file again. Raises InputError if the
@@ -109,23 +109,23 @@ def controller_of(text: str) -> Controller:
 
 @dataclass(frozen=True)
 class _FromFile(Controller):
-    """A controller that is pickled as the argument of `controller_of`."""
+    """A controller that is pickled as the argument of `_controller_of`."""
 
     text: str = ""
 
     def __reduce__(self) -> Any:
-        return controller_of, (self.text,)
+        return _controller_of, (self.text,)
 
 
 def controlled(name: str, texts: Sequence[str], controller: str | None = None) -> Scene:
-    """Load a scene with the controls of `controls_of` and a controller of `controller_of`.
+    """Load a scene with the controls of `controls_of` and a controller of `_controller_of`.
 
     They are appended to the name of the scene.
     """
     scene = load_scene(name, controls_of(texts))
     parts = [re.sub("=.*/", "=", text) for text in texts]  # without the folders of tables
     if controller is not None:
-        scene = replace(scene, controller=controller_of(controller))
+        scene = replace(scene, controller=_controller_of(controller))
         parts.append(re.sub(".*/", "", controller))
     return replace(scene, name=file_name(scene.name, None, parts)) if parts else scene
 

@@ -119,7 +119,7 @@ def attitudes(q: Array, sound: Mask) -> Array:
     return q if sound.all() else np.where(sound[:, None], q, [1.0, 0.0, 0.0, 0.0])
 
 
-class FaultAt(NamedTuple):
+class _FaultAt(NamedTuple):
     """A fault and the row of the readings at which it begins."""
 
     row: int
@@ -130,7 +130,7 @@ Sign = tuple[Mask, Fault]
 """The rows (m,) that show a fault, and the fault, without its time."""
 
 
-class Monitor:
+class _Monitor:
     """Detect faults: slip, lost contact, wrong hinge rates, drifting momentum, divergence.
 
     Engines warn of few of these. The monitor keeps its state between calls.
@@ -154,7 +154,7 @@ class Monitor:
 
     def look(
         self, readings: Readings, extra: Sequence[Sign] = (), failure: Fault | None = None
-    ) -> list[FaultAt]:
+    ) -> list[_FaultAt]:
         """Return the first fault of each kind in the next readings, the earliest first.
 
         If the settings stop at a fault, the first fault that is not a mere event is fatal.
@@ -178,7 +178,7 @@ class Monitor:
         if failure is not None and not any(fault.fatal for _, fault in first):
             first.append((len(readings.time), failure))
         faults = [
-            FaultAt(row, replace(fault, time=_time_of(readings.time, row, self.last_time)))
+            _FaultAt(row, replace(fault, time=_time_of(readings.time, row, self.last_time)))
             for row, fault in first
         ]
         if len(readings.time):
@@ -186,14 +186,14 @@ class Monitor:
         faults.sort(key=lambda at: (at.row, _ORDER[at.fault.kind]))
         wrong = [at.row for at in faults if not at.fault.note]
         if wrong and self.settings.stop_at_fault:
-            return [FaultAt(row, replace(fault, fatal=row == wrong[0])) for row, fault in faults]
+            return [_FaultAt(row, replace(fault, fatal=row == wrong[0])) for row, fault in faults]
         return faults
 
     def _of_the_state(self, readings: Readings, elapsed: Array) -> list[Sign]:
         sound, kind = readings.sound, FaultKind
         # A motor in the scene may be too weak for its command; any other drive must keep its rate.
         exact = [i for i, hinge in enumerate(self.scene.hinges) if hinge.motor is None]
-        off_rate = np.asarray((rate_errors_of(self.scene, readings) > RATE_ERROR).any(axis=1))
+        off_rate = np.asarray((_rate_errors_of(self.scene, readings) > RATE_ERROR).any(axis=1))
         if exact and not self.scene.steady:
             off_rate |= self._off_between(readings, elapsed, exact).any(axis=1)
         return [
@@ -241,7 +241,7 @@ class Monitor:
         return faults
 
 
-def rate_errors_of(scene: Scene, readings: Readings) -> Array:
+def _rate_errors_of(scene: Scene, readings: Readings) -> Array:
     """Return the errors (m, h) of the hinge rates in units of `Scene.rate_scales`.
 
     Hinges with a motor count as exact: their lag belongs to the motion.
@@ -279,7 +279,7 @@ class Recording:
 
     def __init__(self, engine: Label, scene: Scene, settings: EngineSettings, times: Array) -> None:
         self.engine, self.scene, self.settings, self.times = engine, scene, settings, times
-        self.monitor = Monitor(scene, settings)
+        self.monitor = _Monitor(scene, settings)
         self.faults: dict[tuple[FaultKind, str], Fault] = {}
         self.ended = False
         self._samples = Joined[Readings](len(times))
@@ -293,7 +293,7 @@ class Recording:
     ) -> None:
         """Judge the next readings and record those at sample times.
 
-        sampled (k,): the rows at sample times, None for all; extra, failure: as in `Monitor.look`.
+        sampled (k,): the rows at sample times, None for all; extra, failure: as in `_Monitor.look`.
         """
         faults = self.monitor.look(readings, extra, failure)
         ends = next((at.row for at in faults if at.fault.fatal), None)
@@ -334,7 +334,7 @@ class Recording:
                 spin=read.spin,
                 depth=self.scene.ball.radius - read.centre[:, 2],
                 friction_used=read.friction_used,
-                hinge_rate_error=rate_errors_of(self.scene, read).max(axis=1, initial=0.0),
+                hinge_rate_error=_rate_errors_of(self.scene, read).max(axis=1, initial=0.0),
                 faults=tuple(fault for fault in faults if not fault.note),
                 timestep=timestep,
                 steps=steps,

@@ -18,11 +18,11 @@ from robotball.robot.drives import COMMAND, Ramp, Rate, Samples, Sine, Sum, key
 from robotball.robot.formulas import Rolling
 from robotball.robot.scene import DOWN, GRAVITY
 
-Triple = tuple[float, float, float]
+_Triple = tuple[float, float, float]
 _Quadruple = tuple[float, float, float, float]
 _Positive = Annotated[float, msgspec.Meta(gt=0)]
 _NotNegative = Annotated[float, msgspec.Meta(ge=0)]
-_ORIGIN: Triple = (0.0, 0.0, 0.0)
+_ORIGIN: _Triple = (0.0, 0.0, 0.0)
 _UPRIGHT: _Quadruple = (1.0, 0.0, 0.0, 0.0)
 # kg/m³ of solid material, typical values of data sheets; grades differ by a few percent.
 DENSITIES = {
@@ -210,14 +210,14 @@ class HingeTable(Table, frozen=True):
 
 _Name = Annotated[str | None, key("one word, the name of the part in `fit`")]
 _Mass = Annotated[_Positive, key("mass", "kg")]
-_Place = Annotated[Triple, key("position of its middle, from the sphere's centre", "m")]
+_Place = Annotated[_Triple, key("position of its middle, from the sphere's centre", "m")]
 _Axis = Annotated[
-    Triple | None,
+    _Triple | None,
     key("symmetry axis; if not given, the axis of the shell or rotor, or else z"),
 ]
 
 
-class Matter(Table, frozen=True):
+class _Matter(Table, frozen=True):
     """The mass of a body, or its density or material."""
 
     mass: Annotated[_Positive | None, key("mass, or else a density or material", "kg")] = None
@@ -244,7 +244,7 @@ class Matter(Table, frozen=True):
         return density * volume
 
 
-class _Round(Matter, frozen=True):
+class _Round(_Matter, frozen=True):
     """A round body with an outer radius or diameter."""
 
     radius: Annotated[_Positive | None, key("outer radius, or else a diameter", "m")] = None
@@ -295,7 +295,7 @@ class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
     name: _Name = None
 
 
-class Box(Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
+class Box(_Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
     """A cuboid."""
 
     size: Annotated[tuple[_Positive, _Positive, _Positive], key("full lengths of its edges", "m")]
@@ -333,8 +333,8 @@ class Ring(Table, frozen=True, kw_only=True, tag_field="kind", tag="ring"):
 class Rod(_Round, frozen=True, kw_only=True, tag_field="kind", tag="rod"):
     """A round rod between two points."""
 
-    begin: Annotated[Triple, key("centre of one end, from the sphere's centre", "m")]
-    end: Annotated[Triple, key("centre of the other end", "m")]
+    begin: Annotated[_Triple, key("centre of one end, from the sphere's centre", "m")]
+    end: Annotated[_Triple, key("centre of the other end", "m")]
     radius: Annotated[_NotNegative, key("of its round section; needed by a density", "m")] = 0.0
     name: _Name = None
 
@@ -346,13 +346,13 @@ class _BodyFile(Table, frozen=True):
     """A body in a model file, and its pose in the ball."""
 
     file: Annotated[str, key("the file; a relative path is from the scene's own folder")]
-    origin: Annotated[Triple, key("position of its origin, from the sphere's centre", "m")] = (
+    origin: Annotated[_Triple, key("position of its origin, from the sphere's centre", "m")] = (
         _ORIGIN
     )
     attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) that rotates its axes")] = _UPRIGHT
 
 
-class MjcfTable(_BodyFile, frozen=True, kw_only=True):
+class _MjcfTable(_BodyFile, frozen=True, kw_only=True):
     """A body of an MJCF file, with everything fixed to it."""
 
     body: Annotated[str, key("the name of the body")]
@@ -364,7 +364,7 @@ class UrdfTable(_BodyFile, frozen=True, kw_only=True):
     link: Annotated[str, key("the name of the link")]
 
 
-Rows = list[float | Triple]  # three moments or three rows: msgspec has no union of two lists
+Rows = list[float | _Triple]  # three moments or three rows: msgspec has no union of two lists
 _Tensor = Annotated[
     Rows | None, key("about its centre of mass: three moments, or three rows of three", "kg m²")
 ]
@@ -394,13 +394,13 @@ class ShellTable(_Round, frozen=True):
         key('of the wall, instead of its thickness: `"thin"` for a thin wall, or two moments'),
     ] = None
     axis: Annotated[
-        Triple, key("axis of the frame's hinge in the shell; a direction of any length")
+        _Triple, key("axis of the frame's hinge in the shell; a direction of any length")
     ] = (0.0, 0.0, 1.0)
     offset: Annotated[
         float, key("position of the wall's centre of mass along `axis`, from the sphere's", "m")
     ] = 0.0
     part: Annotated[list[Part] | None, key("parts fixed to the wall, see Parts")] = None
-    mjcf: Annotated[MjcfTable | None, key("the whole shell from an MJCF file")] = None
+    mjcf: Annotated[_MjcfTable | None, key("the whole shell from an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("the whole shell from a URDF file")] = None
 
     def __post_init__(self) -> None:
@@ -448,10 +448,10 @@ class _BodyTable(HingeTable, frozen=True):
 
     mass: Annotated[float | None, key("mass", "kg")] = None
     centre: Annotated[
-        Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
+        _Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
     ] = None
     part: Annotated[list[Part] | None, key("parts of the body, see Parts")] = None
-    mjcf: Annotated[MjcfTable | None, key("a body of an MJCF file")] = None
+    mjcf: Annotated[_MjcfTable | None, key("a body of an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("a link of a URDF file")] = None
 
     def __post_init__(self) -> None:
@@ -483,15 +483,15 @@ class RotorTable(_BodyTable, frozen=True, kw_only=True):
     """A symmetric body that turns on the frame about its symmetry axis."""
 
     inertia: Annotated[Axial | None, key("moments")] = None
-    axis: Annotated[Triple, key("symmetry axis; a direction of any length")]
+    axis: Annotated[_Triple, key("symmetry axis; a direction of any length")]
 
 
 class PendulumTable(_BodyTable, frozen=True, kw_only=True):
     """Any body on a hinge of the frame, at hinge angle 0."""
 
     inertia: _Tensor = None
-    axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]
-    pivot: Annotated[Triple, key("a point of the axis, from the sphere's centre", "m")] = _ORIGIN
+    axis: Annotated[_Triple, key("the hinge's axis; a direction of any length")]
+    pivot: Annotated[_Triple, key("a point of the axis, from the sphere's centre", "m")] = _ORIGIN
 
 
 class FrictionTable(Table, frozen=True):
@@ -512,13 +512,13 @@ class PlaneTable(Table, frozen=True):
     motion: Annotated[_Three, key("its acceleration along the world's X, Y, Z", "m/s²")] = _ORIGIN
 
 
-class NumbersTable(Table, frozen=True):
+class _NumbersTable(Table, frozen=True):
     """Numbers of the equations, for which bodies are designed."""
 
     radius: Annotated[float, key("a", "m")]
     A: Annotated[Rows, key("A: its diagonal, or three rows", "1/(kg m²)")]
-    K: Annotated[Triple, key("K, in the same axes", "kg m²/s")]
-    Omega: Annotated[Triple, key("Ω, in the same axes", "rad/s")]
+    K: Annotated[_Triple, key("K, in the same axes", "kg m²/s")]
+    Omega: Annotated[_Triple, key("Ω, in the same axes", "rad/s")]
     mass: Annotated[float | None, key("mass of the whole ball; found if not given", "kg")] = None
 
 
@@ -538,13 +538,13 @@ class StartTable(Table, frozen=True):
     attitude: Annotated[
         _Quadruple | None, key("quaternion (w, x, y, z) of the frame, frame to world")
     ] = None
-    gamma: Annotated[Triple | None, key("the upward vertical, in frame axes; of length 1")] = None
-    alpha: Annotated[Triple | None, key("the world's X, in frame axes; of length 1")] = None
+    gamma: Annotated[_Triple | None, key("the upward vertical, in frame axes; of length 1")] = None
+    alpha: Annotated[_Triple | None, key("the world's X, in frame axes; of length 1")] = None
     angular_velocity: Annotated[
-        Triple | None, key("ω of the frame, in frame axes; 0 for a frame at rest", "rad/s")
+        _Triple | None, key("ω of the frame, in frame axes; 0 for a frame at rest", "rad/s")
     ] = None
-    momentum: Annotated[Triple | None, key("M in frame axes", "kg m²/s")] = None
-    momentum_world: Annotated[Triple | None, key("M in world axes", "kg m²/s")] = None
+    momentum: Annotated[_Triple | None, key("M in frame axes", "kg m²/s")] = None
+    momentum_world: Annotated[_Triple | None, key("M in world axes", "kg m²/s")] = None
     rest: Annotated[
         bool, key("`true` is M = 0, the paper's rest; hinges that turn then turn the ball too")
     ] = False
@@ -563,7 +563,7 @@ class SceneTable(Table, frozen=True, kw_only=True):
     duration: Annotated[float, key("duration of the motion", "s")]
     gravity: Annotated[float, key("acceleration of free fall", "m/s²")] = GRAVITY
     gravity_direction: Annotated[
-        Triple,
+        _Triple,
         key(
             "direction of gravity, of any length; Z is up from the plane, and "
             "`[tan(slope), 0, -1]` is a plane that goes down towards X"
@@ -578,6 +578,7 @@ class SceneTable(Table, frozen=True, kw_only=True):
         tuple[PendulumTable, ...], key("`[[pendulum]]`, any number of them, see Pendulum")
     ] = ()
     numbers: Annotated[
-        NumbersTable | None, key("instead of bodies: numbers of the paper's equations, see Numbers")
+        _NumbersTable | None,
+        key("in place of bodies: the paper's numbers, see Numbers"),
     ] = None
     start: Annotated[StartTable, key("initial state, see Start")]

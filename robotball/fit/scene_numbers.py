@@ -31,7 +31,7 @@ _AXES = "xyz"
 
 
 @dataclass(frozen=True)
-class SceneNumbers(Numbers):
+class _SceneNumbers(Numbers):
     """Hold the tables of a scene file, with its numbers by path.
 
     name: of the scene; folder: of files that it refers to; tables: with defaults filled in.
@@ -66,7 +66,7 @@ class SceneNumbers(Numbers):
                 table["initial_rate"] = hinge.rate
         return text_of(_as_table(tables))
 
-    def with_whole(self, names: Sequence[str]) -> "SceneNumbers":
+    def with_whole(self, names: Sequence[str]) -> "_SceneNumbers":
         """Return the numbers with mass, centre and inertia of some bodies instead of their parts.
 
         Raises InputError for the shell and rotors, whose inertia is symmetric.
@@ -115,14 +115,14 @@ def numbers_of(scene: Numbers | Scene | str | Path) -> Numbers:
     if isinstance(scene, Numbers):
         return scene
     if isinstance(scene, Scene):
-        return SceneNumbers(scene.name, CATALOG, _tables_of(scene.name, toml_of(scene)))
+        return _SceneNumbers(scene.name, CATALOG, _tables_of(scene.name, toml_of(scene)))
     path = CATALOG / f"{scene}.toml" if str(scene) in catalog() else Path(scene)
     loaded = scene_of(scene)  # reports errors in the file
     if path.suffix in MODEL_FILES or "robot" in msgspec.toml.decode(contents(path)):
         from robotball.user_model.robot_numbers import robot_numbers  # loads an engine
 
         return robot_numbers(path)
-    return SceneNumbers(loaded.name, path.parent, _tables_of(path, contents(path)))
+    return _SceneNumbers(loaded.name, path.parent, _tables_of(path, contents(path)))
 
 
 def _tables_of(source: object, text: str | bytes) -> Mapping[str, Any]:

@@ -33,7 +33,7 @@ _OFTEN = 0.1  # fraction of equal neighbours above which readings are coarsely r
 
 
 @dataclass(frozen=True)
-class Circumstance:
+class _Circumstance:
     """A kind of circumstance.
 
     Attributes
@@ -52,23 +52,23 @@ class Circumstance:
     plausible: float
 
 
-_LATE = Circumstance(1, "s", 0.02)  # one frame of a camera at 50 Hz
-_TURNING = Circumstance(3, "rad/s", 0.02)  # 1°/s, the zero-rate offset of a cheap gyro
-_OF_ENCODERS = Circumstance(1, "rad", 0.02)  # 1°, a zero set by eye
-_FACTOR = Circumstance(1, "1", 0.02)  # sensitivity error of an uncalibrated sensor
+_LATE = _Circumstance(1, "s", 0.02)  # one frame of a camera at 50 Hz
+_TURNING = _Circumstance(3, "rad/s", 0.02)  # 1°/s, the zero-rate offset of a cheap gyro
+_OF_ENCODERS = _Circumstance(1, "rad", 0.02)  # 1°, a zero set by eye
+_FACTOR = _Circumstance(1, "1", 0.02)  # sensitivity error of an uncalibrated sensor
 _CIRCUMSTANCES = {
     "sensors.clock": _LATE,
     "commands.delay": _LATE,
-    "world.yaw": Circumstance(1, "rad", 0.035),  # 2°, axes set by eye
-    "world.origin": Circumstance(2, "m", 0.01),
-    "position.marker": Circumstance(3, "m", 0.005),
+    "world.yaw": _Circumstance(1, "rad", 0.035),  # 2°, axes set by eye
+    "world.origin": _Circumstance(2, "m", 0.01),
+    "position.marker": _Circumstance(3, "m", 0.005),
     "gyro.bias": _TURNING,
-    "accelerometer.bias": Circumstance(3, "m/s²", 0.2),  # 20 mg, of a cheap accelerometer
-    "accelerometer.place": Circumstance(3, "m", 0.01),
+    "accelerometer.bias": _Circumstance(3, "m/s²", 0.2),  # 20 mg, of a cheap accelerometer
+    "accelerometer.place": _Circumstance(3, "m", 0.01),
 }
 
 
-def circumstances_of(sensors: Iterable[str]) -> dict[str, Circumstance]:
+def circumstances_of(sensors: Iterable[str]) -> dict[str, _Circumstance]:
     """Return the circumstances of a log with these sensors, keyed by name."""
     sensors = list(sensors)
     prefixes = ("sensors", "world", "commands", *sensors)
@@ -80,7 +80,7 @@ def circumstances_of(sensors: Iterable[str]) -> dict[str, Circumstance]:
     return kinds
 
 
-def circumstance(name: str, sensors: Iterable[str]) -> Circumstance:
+def circumstance(name: str, sensors: Iterable[str]) -> _Circumstance:
     """Return a circumstance of a log. Raises InputError for an unknown name."""
     known = circumstances_of(sensors)
     if name not in known:

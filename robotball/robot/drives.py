@@ -441,7 +441,7 @@ def as_drive(rate: Rate, end: float) -> Drive:
     elif isinstance(rate, Custom | Drive) or callable(rate):
         from robotball.robot.function_drives import FunctionDrive, HeldCommand
 
-        custom = vars(as_custom(rate)).values()
+        custom = vars(_as_custom(rate)).values()
         drive = rate if isinstance(rate, HeldCommand) else FunctionDrive(end, *custom)
     else:
         raise InputError(
@@ -461,7 +461,7 @@ def _check_covers(samples: Samples, end: float) -> None:
         )
 
 
-def as_custom(rate: Custom | Drive | Callable[[float], float]) -> Custom:
+def _as_custom(rate: Custom | Drive | Callable[[float], float]) -> Custom:
     """Return the Custom of a user's function or of a user's object."""
     if isinstance(rate, Drive):
         # The derivative of a user's object may be wrong, so it is checked like that of a Custom.

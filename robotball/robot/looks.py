@@ -154,12 +154,12 @@ def _inertia_box(body: Pendulum | Link, radius: float) -> Shape:
 
 
 def materials_of(looks: Looks) -> dict[str, tuple[float, ...]]:
-    """Return the colours of all materials by name, see `rgba_of`."""
+    """Return the colours of all materials by name, see `_rgba_of`."""
     used = sorted({shape.material for shapes in looks.values() for shape in shapes})
-    return {name: rgba_of(name) for name in used}
+    return {name: _rgba_of(name) for name in used}
 
 
-def rgba_of(material: str) -> tuple[float, ...]:
+def _rgba_of(material: str) -> tuple[float, ...]:
     """Return (red, green, blue, opacity), each 0 to 1, of a material or a colour "#rrggbbaa"."""
     if material in colours():
         return colours()[material]

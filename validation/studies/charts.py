@@ -73,7 +73,7 @@ _Axes = Mapping[str, Array]
 """The values (n,) of each varied number, by name."""
 
 
-def axes_of(text: str, count: int) -> dict[str, Array]:
+def _axes_of(text: str, count: int) -> dict[str, Array]:
     """Parse NAME=FROM:TO,… into `count` values per name. Raises InputError if malformed."""
     axes = {}
     for part in text.split(","):
@@ -303,7 +303,7 @@ def chart_study(
     # A point put in between would have no motion before it from which to go on.
     levels = 0 if follow else check_count("refine", refine, 0)
     count = max(3, check_count("points", points, 3) // less)
-    axes = axes_of(over, (count - 1) * 2**levels + 1)
+    axes = _axes_of(over, (count - 1) * 2**levels + 1)
     if follow and len(axes) > 1:
         raise InputError("--follow goes along one number: give one to --over")
     check_positive("duration", duration, "s")

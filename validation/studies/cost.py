@@ -55,7 +55,7 @@ from ..sweeps import Cell, Result, rows_of
 from .orders import fit_order
 from .timing import measure_costs, simulated_second
 
-RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # tolerates any error
+_RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # tolerates any error
 TARGET = 1e-6  # the path error at which first order and the front are compared
 
 _Options = dict[str, Any]
@@ -80,7 +80,7 @@ _ABOVE = ("adaptive",)  # presets named above their mark, at the left end of the
 
 def _both(*names: str) -> tuple[_Options, _Options]:
     """Return these options of the recipe and of the naive model."""
-    return {n: getattr(RECIPE, n) for n in names}, {n: getattr(NAIVE, n) for n in names}
+    return {n: getattr(_RECIPE, n) for n in names}, {n: getattr(NAIVE, n) for n in names}
 
 
 _SOLVER = "solver", "iterations", "tolerance", "ls_tolerance", "jacobian", "warmstart", "island"
@@ -115,16 +115,16 @@ _CHOICES: Mapping[str, Sequence[_Options]] = {
 def configurations(quick: bool = False) -> list[Settings]:
     """Return the distinct settings of the study, presets first; a few of each in the quick form."""
     if quick:
-        every = [*PRESETS.values(), *_lines((RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
+        every = [*PRESETS.values(), *_lines((_RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
         every += [*_adaptive(_RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
     else:
         every = [
             *PRESETS.values(),
-            *_lines((RECIPE, NAIVE), _LINE, _ALL),
+            *_lines((_RECIPE, NAIVE), _LINE, _ALL),
             *_adaptive(_RTOLS),
-            *_star(RECIPE, STEPS, ("RK4",)),
+            *_star(_RECIPE, STEPS, ("RK4",)),
             # With long steps, first-order errors would hide the effect of a choice.
-            *_star(RECIPE, _FINE_STEPS, FIRST_ORDER),
+            *_star(_RECIPE, _FINE_STEPS, FIRST_ORDER),
             *_star(NAIVE, STEPS[1:], _ALL),
             *_sample(),
         ]
@@ -143,7 +143,7 @@ def _lines(
 
 
 def _adaptive(rtols: Sequence[float]) -> list[Settings]:
-    return [replace(RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol) for rtol in rtols]
+    return [replace(_RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol) for rtol in rtols]
 
 
 def _star(base: Settings, steps: Sequence[float], integrators: Sequence[str]) -> Iterator[Settings]:
@@ -158,7 +158,7 @@ def _sample() -> Iterator[Settings]:
     pick = random.Random(_SEED).choice
     for _ in range(_SAMPLE):
         level = dict(chain.from_iterable(pick(levels).items() for levels in _CHOICES.values()))
-        yield replace(RECIPE, integrator=pick(_ALL), timestep=pick(STEPS), **level)
+        yield replace(_RECIPE, integrator=pick(_ALL), timestep=pick(STEPS), **level)
 
 
 _NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # robotball's settings
@@ -177,7 +177,7 @@ def options_of(settings: Settings) -> _Options:
 
 def describe(options: Mapping[str, Any]) -> str:
     """Describe options by their changes from the recipe or the naive model, without the steps."""
-    described = ([base.name, *_changes(options, options_of(base))] for base in (RECIPE, NAIVE))
+    described = ([base.name, *_changes(options, options_of(base))] for base in (_RECIPE, NAIVE))
     name, *changes = min(described, key=len)
     return ", ".join([name, *(changes if len(changes) <= _FEW else [f"{len(changes)} changes"])])
 
@@ -202,7 +202,7 @@ def _text(value: Any) -> str:
 def settings_with(options: Mapping[str, Any]) -> Settings:
     """Return settings with these options that continue after a fault. Other keys are ignored."""
     known = {key: value for key, value in options.items() if key in _DEFAULTS}
-    fixed = {"error_tolerance": RECIPE.error_tolerance, "stop_at_fault": False}
+    fixed = {"error_tolerance": _RECIPE.error_tolerance, "stop_at_fault": False}
     return settings_from({**known, **fixed, "name": describe(options)})
 
 

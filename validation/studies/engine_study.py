@@ -46,7 +46,7 @@ _IDEAL = ":"  # line style of runs in which the engine computes its dynamics alo
 _LEAST = 1e-15  # relative error; smaller errors are rounding
 
 
-Ladder = tuple[str, tuple[float, ...]]
+_Ladder = tuple[str, tuple[float, ...]]
 """A field of an engine's settings and the values to run."""
 
 
@@ -64,7 +64,7 @@ class EngineRow:
         The page or example of the engine's documentation that its default preset follows.
     """
 
-    ladders: Mapping[str, Ladder]
+    ladders: Mapping[str, _Ladder]
     ours: Mapping[str, str] = field(default_factory=dict)
     source: str = ""
 
@@ -74,9 +74,9 @@ def row_of(name: str) -> EngineRow:
     return _rows().get(name) or EngineRow(_as_they_are(engine_named(name)))
 
 
-def _as_they_are(engine: Engine) -> dict[str, Ladder]:
+def _as_they_are(engine: Engine) -> dict[str, _Ladder]:
     """Return a ladder of one value per preset: its timestep, its rtol, or its error tolerance."""
-    ladders: dict[str, Ladder] = {}
+    ladders: dict[str, _Ladder] = {}
     for name, preset in engine.presets.items():
         has = [key for key in ("timestep", "rtol") if isinstance(getattr(preset, key, None), float)]
         key = (*has, "error_tolerance")[0]

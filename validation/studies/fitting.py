@@ -152,7 +152,7 @@ def _relative(part: float, of: float, sign: str = "") -> str:
     return f"{part / of:{sign}.2%}".replace("%", " %") if of else f"{part:{sign}.3g}"
 
 
-def fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
+def _fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
     """Return the page of a fit: what it found, what the logs do not tell, and the residuals."""
     found = fits[_EQUATIONS]
     body = [
@@ -283,7 +283,7 @@ def fit_logs(
         print(line)
     scene_file, page_file = (out / f"fit-{scene.name}{end}" for end in (numbers.suffix, ".html"))
     write_text(scene_file, found.text)
-    write_text(page_file, fit_page(scene.name, fits))
+    write_text(page_file, _fit_page(scene.name, fits))
     write_record(json, _record(scene.name, fits))
     print(scene_file, page_file, sep="\n")
     return AGREES if found.explains and _tells(found) and not found.at_limits else DISAGREES

@@ -55,7 +55,7 @@ _ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error", "hei
 
 
 @dataclass(frozen=True)
-class Comparison:
+class _Comparison:
     """Compare a recorded motion with the equations' motion.
 
     Attributes
@@ -101,10 +101,10 @@ class Comparison:
     hinge_rates: dict[str, tuple[float, float]]
 
 
-def _compare(motion: RecordedMotion, theory: Motion) -> Comparison:
+def _compare(motion: RecordedMotion, theory: Motion) -> _Comparison:
     radius = theory.scene.ball.radius
     level = 0.0 if np.abs(motion.height).max() < ON_THE_PLANE * radius else radius
-    return Comparison(
+    return _Comparison(
         motion,
         theory,
         path_error=path_error(motion, theory),
@@ -159,9 +159,9 @@ class FileJudgement:
     """
 
     trajectory: Trajectory
-    plain: Comparison
+    plain: _Comparison
     search: Search
-    corrected: Comparison | None
+    corrected: _Comparison | None
     lag: Lag
     timestep: float
     tolerance: float
@@ -187,7 +187,7 @@ class FileJudgement:
         return self.search.mistakes
 
     @property
-    def best(self) -> Comparison:
+    def best(self) -> _Comparison:
         """The comparison without the mistakes."""
         return self.corrected or self.plain
 
@@ -431,7 +431,7 @@ def lines(judged: FileJudgement) -> list[str]:
     return [*report, _verdict(judged)]
 
 
-def _errors(comparison: Comparison) -> str:
+def _errors(comparison: _Comparison) -> str:
     error, known_to = comparison.momentum_error, comparison.momentum_known_to
     momentum = "unknown" if error is None else f"{error:.1e}"
     if error is not None and known_to:
@@ -442,7 +442,7 @@ def _errors(comparison: Comparison) -> str:
     )
 
 
-def _contact(comparison: Comparison) -> list[str]:
+def _contact(comparison: _Comparison) -> list[str]:
     if comparison.slip is None or comparison.spin is None:
         return []
     (slip, slip_error), (spin, spin_error) = comparison.slip, comparison.spin
@@ -521,7 +521,7 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
     }
 
 
-def _measures(comparison: Comparison) -> dict[str, Any]:
+def _measures(comparison: _Comparison) -> dict[str, Any]:
     slip, spin = comparison.slip or (None, None), comparison.spin or (None, None)
     numbers: dict[str, float | None] = {
         **{name: getattr(comparison, name) for name in (*_ERRORS, "momentum_known_to")},

@@ -42,7 +42,7 @@ _MOST = (2.0, 1.1)
 # Largest remaining fraction of the typical error and of the root mean square, in path, attitude or
 # ω. Measured: at most 0.09 and 0.30 if a planted mistake is undone; the rest is the engine's error.
 _REMAINING = ((0.1,), (1 / 3,))
-SURE = 0.1  # a mistake is certain if at most this fraction of its largest error remains
+_SURE = 0.1  # a mistake is certain if at most this fraction of its largest error remains
 _SPOILS = np.log(3.0)  # largest factor by which a mistake may increase another error
 _AS_GOOD = np.log(1.5)  # mistakes within this factor explain the errors equally well
 _SOUND = 1e-3  # relative, rad; below such errors of path and attitude no other scene is tried
@@ -137,7 +137,7 @@ class Mistake:
     @property
     def sure(self) -> bool:
         """Whether so little error remains that the mistake is certain."""
-        return self.left <= SURE
+        return self.left <= _SURE
 
 
 def reference_of(scene: Scene, times: Array, **options: Any) -> Motion:

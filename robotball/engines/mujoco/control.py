@@ -37,7 +37,7 @@ Step = Callable[[mujoco.MjData, float], None]
 """Takes one step of a length [s]. Leaves the sensors of the state before the step."""
 Steps = Callable[[mujoco.MjData, float], Iterator[float]]
 """Takes one step of a length [s], in parts if necessary. Yields the length of each part."""
-Forward = Callable[[mujoco.MjData, bool], None]
+_Forward = Callable[[mujoco.MjData, bool], None]
 """Evaluates the forces at the state of MjData, with the sensors if the second argument is true."""
 
 
@@ -59,7 +59,7 @@ def mujoco_step(data: mujoco.MjData, length: float) -> None:
     mujoco.mj_step(data.model, data)
 
 
-def mujoco_forward(data: mujoco.MjData, sensors: bool) -> None:
+def _mujoco_forward(data: mujoco.MjData, sensors: bool) -> None:
     """Evaluate MuJoCo's forces."""
     mujoco.mj_forwardSkip(data.model, data, _NO_STAGE, not sensors)
 
@@ -70,7 +70,7 @@ def put(data: mujoco.MjData, t: float, state: Array) -> None:
     data.qpos, data.qvel = state[: len(data.qpos)], state[len(data.qpos) :]
 
 
-def right_hand_side(forward: Forward, data: mujoco.MjData) -> Callable[..., Array]:
+def right_hand_side(forward: _Forward, data: mujoco.MjData) -> Callable[..., Array]:
     """Return the function for d/dt of (qpos, qvel) at time t [s].
 
     The root's quaternion may have any length, because Runge-Kutta stages do not normalise it.
@@ -186,7 +186,7 @@ class Control:
             self.model = model.of(self.loop.scene)
             self.sensed = sensor_reader(self.model)
         self.span: Sequence[float] = (0.0, 0.0)
-        self.forward: Forward = mujoco_forward
+        self.forward: _Forward = _mujoco_forward
         self.step: Step = mujoco_step
         self.planned = self.taken = 0
         self.steps: Steps | None = None

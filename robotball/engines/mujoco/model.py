@@ -124,7 +124,7 @@ class Model:
 
         Raises InputError if MuJoCo refuses it.
         """
-        return compiled_model(self.xml, self.settings.softness)
+        return _compiled_model(self.xml, self.settings.softness)
 
     def of(self, scene: Scene) -> "Model":
         """Return the model with a scene that differs in its commands or its start only."""
@@ -165,7 +165,7 @@ def build(scene: Scene, settings: Settings) -> Model:
     settings, hinges = resolved.settings, hinges_of(scene, resolved.settings)
     root, pair = _compose(resolved, hinges)
     if settings.start_in_equilibrium:
-        trial = compiled_model(_text_of(root), settings.softness)
+        trial = _compiled_model(_text_of(root), settings.softness)
         pair.set("margin", _word(carrying_depth(resolved, mujoco.MjData(trial))))
     model = Model(scene, settings, _text_of(root), hinges)
     assert model.compiled is not None  # raises InputError here
@@ -403,7 +403,7 @@ def _add_sensors(sensors: Element, scene: Scene, body: str, hinges: tuple[ModelH
             add("jointactuatorfrc", name=f"{hinge.name}_torque", joint=hinge.joint)
 
 
-def compiled_model(xml: str, softness: float = 1.0) -> Any:
+def _compiled_model(xml: str, softness: float = 1.0) -> Any:
     """Return the MjModel of an MJCF text, with the contact's softness multiplied.
 
     Raises InputError if MuJoCo refuses it.

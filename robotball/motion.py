@@ -393,6 +393,13 @@ class ReferenceMotion(Motion):
         Cumulative loss to rolling resistance.
     plane_work : (n,), J, or None
         Cumulative work of a moving plane on the ball, in world axes.
+    slip : (n, 3) or None
+        Velocity of the shell's point at the contact along X and Y [m/s], and the spin of a rubber
+        shell about the vertical [rad/s]. None if the friction is never exceeded, as the next two.
+    slipping : tuple of (float, float), s
+        The intervals in which the shell slips.
+    friction_loss : (n,), J, or None
+        Cumulative loss to sliding and torsional friction.
     ended : str or None
         Which joint limit ended the motion early, and when.
 
@@ -408,6 +415,9 @@ class ReferenceMotion(Motion):
     motor_work: Array | None = None
     rolling_loss: Array | None = None
     plane_work: Array | None = None
+    slip: Array | None = None
+    slipping: tuple[tuple[float, float], ...] = ()
+    friction_loss: Array | None = None
     ended: str | None = None
 
     @cached_property

@@ -211,6 +211,8 @@ def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> li
             lines.append(
                 f"{hinge.name} turns at {rate:.3g} rad/s; the limit is {rate_limit:g} rad/s"
             )
+    if slipping := getattr(motion, "slipping", ()):
+        lines.append(f"slips from t = {slipping[0][0]:.3g} s: give the plane more friction")
     friction = robot.friction
     sliding = float(loads.sliding_friction.max())
     if friction.sliding is not None and sliding > friction.sliding:
@@ -300,7 +302,9 @@ class Way:
         formulas.move(now.columns, now.u, moving)
         momenta = np.empty_like(now.u)
         G = tuple(np.einsum("nji,nj->in", now.axes, scene.gravity_at(times)))
-        formulas.momentum_rates(robot.bodies, now.placed, moving, robot.radius, up, G, momenta)
+        formulas.momentum_rates(
+            robot.bodies, now.placed, moving, robot.radius, up, G, (0.0, 0.0, 0.0), momenta
+        )
         L_rate = np.einsum("nij,jn->in", now.axes, momenta[:3])
         if scene.rolling == "rubber":
             L_rate = np.stack([-L_rate[1], L_rate[0], 0 * L_rate[0]])

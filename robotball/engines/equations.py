@@ -1,5 +1,7 @@
 """Integrate a scene with the equations of ideal rolling."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Literal
@@ -17,6 +19,8 @@ _EQUATIONS: dict[_Equations, str] = {
     "reduced": "robotball.theory.reduced",
     "multibody": "robotball.theory.multibody.integration",
 }
+
+_CERTAIN = 0.9  # of the friction: a motion that needs less at its samples needs less in between
 
 
 def scene_of(scene: Scene | str | Path) -> Scene:
@@ -37,7 +41,9 @@ def integrate(
     equations: _Equations | None = None,
     progress: Progress | None = None,
 ) -> ReferenceMotion:
-    """Integrate a scene's motion with the equations of ideal rolling.
+    """Integrate a scene's motion with the equations of rolling, and of slipping if it must.
+
+    The ball slips if the scene's friction is given and the motion needs more.
 
     The label of the motion names the equations. Every number of a returned motion is finite.
 
@@ -52,8 +58,8 @@ def integrate(
     max_steps : int, optional
         The largest number of steps. The default corresponds to some minutes of work.
     equations : str, optional
-        "reduced" for the paper's (3.2) or (3.3), or "multibody" for the equations of any robot. The
-        default is "reduced" if these describe the scene, else "multibody".
+        "reduced" for the paper's (3.2) or (3.3), which never slip, or "multibody" for the equations
+        of any robot. The default is "reduced" if these describe the motion, else "multibody".
     progress : callable, optional
         Called with the fraction of the motion that is known, from 0 to 1, if the integration takes
         longer than a moment.
@@ -91,15 +97,49 @@ def integrate(
         raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
     if max_steps is not None:
         check_count("max_steps", max_steps, 1, 2**62)
-    chosen = equations or ("multibody" if scene.not_reduced else "reduced")
+    chosen: _Equations = equations or ("multibody" if scene.not_reduced else "reduced")
     if chosen not in [*_EQUATIONS]:
         raise unknown("set of equations", chosen, _EQUATIONS)
-    run = import_module(_EQUATIONS[chosen]).integrate
+
+    def run(name: _Equations, scene: Scene) -> ReferenceMotion:
+        motion: ReferenceMotion = import_module(_EQUATIONS[name]).integrate(
+            scene, times, rtol, max_steps, progress
+        )
+        _check_finite(motion)
+        return motion
+
     # Overflow is reported with the number that overflowed, not as NumPy's warning.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        motion: ReferenceMotion = run(scene, times, rtol, max_steps, progress)
-    _check_finite(motion)
-    return motion
+        if equations == "reduced" or not scene.may_slip:
+            return run(chosen, scene)
+        rolling = _rolling_motion(run, chosen, scene)
+        if rolling is not None and _grip(rolling) < _CERTAIN:
+            return rolling
+        # Between the samples the friction may be exceeded, or it is.
+        slipping = run("multibody", scene)
+        return slipping if rolling is None or slipping.slip is not None else rolling
+
+
+def _rolling_motion(
+    run: Callable[[_Equations, Scene], ReferenceMotion], name: _Equations, scene: Scene
+) -> ReferenceMotion | None:
+    """Return the motion with unlimited friction; None if the ball cannot roll so."""
+    if scene.start.slips:
+        return None
+    friction = replace(scene.friction, sliding=None, torsional=None)
+    try:
+        return replace(run(name, replace(scene, friction=friction)), scene=scene)
+    except InputError:  # such as a ball that lifts off, which may slip and stay on the plane
+        return None
+
+
+def _grip(motion: ReferenceMotion) -> float:
+    """Return the largest part of the scene's friction that a rolling motion needs."""
+    friction, loads = motion.scene.friction, motion.loads
+    shares = [loads.sliding_friction / (friction.sliding or np.inf)]
+    if motion.scene.rolling == "rubber":
+        shares.append(loads.torsional_friction / (friction.torsional or np.inf))
+    return float(np.linalg.norm(shares, axis=0).max())
 
 
 def _check_finite(motion: ReferenceMotion) -> None:

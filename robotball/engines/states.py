@@ -100,14 +100,16 @@ def state_of_rows(rows: Array) -> State:
 
 
 def start_state(scene: Scene) -> State:
-    """Return the initial state of the scene, rolling without slip."""
+    """Return the initial state of the scene, which rolls but for the slip that the scene gives."""
     start = scene.start
     rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
     R = start.to_world
     # The scene gives the frame's ω; the shell turns against it at the first hinge's rate.
     omega = R @ (scene.angular_velocity_at(start) - rates[0] * scene.ball.shell.axis)
     centre = np.array([0.0, 0.0, scene.ball.radius])
-    velocity = np.cross(omega, centre)
+    slip_x, slip_y, spin = start.slip.tolist()
+    velocity = np.cross(omega, centre) + np.array([slip_x, slip_y, 0.0])
+    omega = omega + np.array([0.0, 0.0, spin])
     return State(centre, velocity, start.attitude, omega, np.zeros(len(rates)), rates)
 
 

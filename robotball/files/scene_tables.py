@@ -549,6 +549,13 @@ class StartTable(Table, frozen=True):
         bool, key("`true` is M = 0, the paper's rest; hinges that turn then turn the ball too")
     ] = False
     section: Annotated[_SectionTable | None, key("the paper's section coordinates")] = None
+    slip: Annotated[
+        tuple[float, float],
+        key("velocity of the shell's point at the contact, along X and Y; needs friction", "m/s"),
+    ] = (0.0, 0.0)
+    spin: Annotated[
+        float, key("rubber: the shell's spin about the vertical; needs friction", "rad/s")
+    ] = 0.0
 
 
 class SceneTable(Table, frozen=True, kw_only=True):

@@ -60,7 +60,10 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
         rotor=tuple(tables.RotorTable(**_hinge(hinge)) for hinge in hung[Rotor]),
         pendulum=tuple(tables.PendulumTable(**_hinge(hinge)) for hinge in hung[Pendulum]),
         start=tables.StartTable(
-            attitude=_numbers(scene.start.attitude), momentum_world=_numbers(scene.start.momentum)
+            attitude=_numbers(scene.start.attitude),
+            momentum_world=_numbers(scene.start.momentum),
+            slip=_numbers(scene.start.slip[:2]),
+            spin=float(scene.start.slip[2]),
         ),
     )
 

@@ -147,6 +147,13 @@ def partial_velocities(
             j = int(bodies[j][_PARENT])
 
 
+def slip_columns(columns: _Numbers, alpha: Vector, beta: Vector) -> None:
+    """Write the columns of the slip velocity, the last two: along space's X and Y."""
+    for b in range(len(columns)):
+        put(columns[b, columns.shape[1] - 2], _MOVE, alpha)
+        put(columns[b, columns.shape[1] - 1], _MOVE, beta)
+
+
 def _before(bodies: _Numbers, i: int) -> int:
     """Return the index in u of the last rate before i that moves the body of i too, or -1."""
     return 2 + int(bodies[i - 2][_PARENT]) if i > 2 else i - 1
@@ -171,8 +178,14 @@ def mass_matrix(bodies: _Numbers, placed: _Numbers, columns: _Numbers, matrix: _
                 matrix[i, j] += dot(turn, spin) + dot(move, push)
                 j = _before(bodies, j)
             i = _before(bodies, i)
+    joined = 2 + len(bodies)
+    for i in range(joined, k):  # slip, which moves all bodies alike
+        for b in range(len(bodies)):
+            push = scale(bodies[b][_MASS], vector(columns[b, i], _MOVE))
+            for j in range(i + 1):
+                matrix[i, j] += dot(vector(columns[b, j], _MOVE), push)
     for i in range(k):
-        if i > 2:  # the rotor of a geared motor has inertia for its own joint only
+        if 2 < i < joined:  # the rotor of a geared motor has inertia for its own joint only
             matrix[i, i] += bodies[i - 2][_ARMATURE]
         for j in range(i):
             matrix[j, i] = matrix[i, j]
@@ -196,15 +209,18 @@ def momentum_rates(
     radius: float,
     gamma: Vector,
     gravity: Vector,
+    slip: Vector,
     rates: _Numbers,
 ) -> None:
     """Write the rates of (L, h) in space (3 + h, ...), without the torques of motors and plane.
 
-    L̇ = Σ m v_b×v + m(r_b + aγ)×G; along a hinge of the parent's ω, whose pivot has the velocity w,
-    ḣ = Σ (ω×n, J_bω_b + ρ×m v_b) + (n, m v_b×w + mρ×G); along a slide ḣ = Σ m(ω×n, v_b) + m(n, G).
+    slip: velocity of the shell's point at the contact [m/s], v = aω×γ + slip: velocity of the
+    contact point. L̇ = Σ m v_b×v + m(r_b + aγ)×G; along a hinge of the parent's ω, whose pivot has
+    the velocity w, ḣ = Σ (ω×n, J_bω_b + ρ×m v_b) + (n, m v_b×w + mρ×G); along a slide
+    ḣ = Σ m(ω×n, v_b) + m(n, G).
     The sum for a joint is over the bodies that it moves.
     """
-    v = scale(radius, cross(vector(moving[0], TURNING), gamma))
+    v = add(scale(radius, cross(vector(moving[0], TURNING), gamma)), slip)
     L_rate = scale(0.0, gamma)
     rates[:] = 0.0
     for b in range(len(bodies)):
@@ -475,6 +491,12 @@ class States:
         """Return M (n, 3) in frame axes: γ×L in the rubber model, L in the classical one."""
         L = self.momenta[:3]
         return (np.cross(self.gamma, L, axis=0) if rolling == "rubber" else L).T
+
+    @cached_property
+    def pushes(self) -> Array:
+        """Σ m ∂v_b/∂u_k (3, 3 + h, n): the momentum that each unit rate gives the robot."""
+        moves = self.columns[:, :, _MOVE:]
+        return np.asarray(np.einsum("b,bkin->ikn", self.robot.bodies[:, _MASS], moves))
 
     @property
     def centre_of_mass(self) -> Array:

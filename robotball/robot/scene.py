@@ -155,7 +155,10 @@ class Start(UserValue):
     attitude : array (4,)
         Quaternion (w, x, y, z) of the frame, frame to world.
     momentum : array (3,)
-        M in world axes, kg m²/s.
+        M in world axes, kg m²/s, of the ball as if it did not slip.
+    slip : array (3,), optional
+        Velocity of the shell's point at the contact along the world's X and Y, m/s, and, in the
+        rubber model, spin of the shell about the vertical, rad/s.
 
     Examples
     --------
@@ -167,6 +170,12 @@ class Start(UserValue):
 
     attitude: Array
     momentum: Array
+    slip: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def slips(self) -> bool:
+        """Whether the shell slips at the start."""
+        return bool(np.any(self.slip))
 
     @cached_array
     def to_world(self) -> Array:
@@ -388,8 +397,25 @@ class Scene(Value):
         attitude, momentum = unit("attitude", start.attitude), start.momentum
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self._scale_of(momentum))
+        self._check_slip(start.slip)
         # Engines that each normalised the start would begin from different states.
-        return Start(attitude, momentum)
+        return Start(attitude, momentum, start.slip)
+
+    def _check_slip(self, slip: Array) -> None:
+        """Raise InputError unless the friction of the scene lets the start slip (3,)."""
+        slide = self.friction.sliding
+        spin = self.friction.torsional if self.rolling == "rubber" else None
+        kinds = ("sliding", slide), ("sliding", slide), ("torsional", spin)
+        for value, (kind, coefficient) in zip(slip.tolist(), kinds, strict=True):
+            check_size("the start's slip", value)
+            if value and coefficient is None:
+                raise InputError(
+                    f"the start's slip is {slip.tolist()}, but friction.{kind} has no limit: give "
+                    "friction a value, or start without this slip"
+                    if kind == "sliding" or self.rolling == "rubber"
+                    else f"the start's slip has a spin of {value:g} rad/s, which the classical "
+                    "model has in M: give it with the momentum or the angular velocity"
+                )
 
     def _check_motors(self) -> None:
         """Raise InputError unless actuators and the controller have motors to command."""
@@ -567,6 +593,12 @@ class Scene(Value):
         far = ROUNDING * self.ball.radius
         moves = self.ball.general or any(np.linalg.norm(s) > far for s in swings)
         return imbalance(self.ball) is not None or moves
+
+    @property
+    def may_slip(self) -> bool:
+        """Whether the friction of the plane is limited."""
+        spin = self.friction.torsional if self.rolling == "rubber" else None
+        return self.friction.sliding is not None or spin is not None
 
     @cached_property
     def keeps_momentum(self) -> bool:

@@ -338,9 +338,15 @@ def _tensor(expected: str, rows: tables.Rows) -> Array:
 
 
 def _start(table: tables.StartTable, ball: Ball) -> Start:
-    """Return the start of a table. An angular velocity leaves M at 0, see `_turning`."""
+    """Return the start of a table, which may slip."""
+    return replace(_rolling_start(table, ball), slip=np.array([*table.slip, table.spin]))
+
+
+def _rolling_start(table: tables.StartTable, ball: Ball) -> Start:
+    """Return the start without slip. An angular velocity leaves M at 0, see `_turning`."""
     # `rest = false` is the same as no key.
-    given = {key for key in table.__struct_fields__ if getattr(table, key)}
+    keys_of_rolling = set(table.__struct_fields__) - {"slip", "spin"}
+    given = {key for key in keys_of_rolling if getattr(table, key)}
     axes = ball.principal[1]  # the section (5.5) is in principal axes
     if given == {"section"} and table.section:
         gamma, M = starts.section_state(*msgspec.structs.astuple(table.section))

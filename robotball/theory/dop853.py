@@ -9,6 +9,7 @@ compiled equations.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -126,8 +127,23 @@ class Compensated:
         return self._base + (displacements + begin)
 
 
+class Steps(Protocol):
+    """Steps along a motion: those of `Compensated`, or of another method."""
+
+    t: float
+    state: Array
+    derivative: Array
+    next_step: float
+
+    def step(self) -> str | None:
+        """Take a step. Returns why it could not be taken, else None."""
+
+    def within(self, times: Array) -> Array:
+        """Return states (m, n) at times (m,) in the last step."""
+
+
 def take_step(
-    solver: Compensated, taken: int, most: int, end: float, progress: Progress | None = None
+    solver: Steps, taken: int, most: int, end: float, progress: Progress | None = None
 ) -> int:
     """Take a step of a ball whose state begins with its quaternion, and return the steps so far.
 

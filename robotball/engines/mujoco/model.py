@@ -248,11 +248,12 @@ def _compose(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Elemen
 
 
 def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tuple[Array, Array]:
-    """Return qpos and qvel of a start that satisfies the constraints."""
+    """Return qpos and qvel of the start, which rolls but for the slip that the scene gives."""
     start, shell = scene.start, scene.ball.shell
     turning = [scene.hinges[hinge.index] for hinge in hinges]
     # The free joint has its angular velocity in body axes, and its velocity in world axes.
-    attitude, root_turning = start.attitude, scene.angular_velocity_at(start)
+    attitude, (slip_x, slip_y, spin) = start.attitude, start.slip.tolist()
+    root_turning = scene.angular_velocity_at(start) + spin * start.to_world[2]
     frame = scene.hinges[0] if scene.ball.has_frame else None
     shell_turning = root_turning - frame.rate * shell.axis if frame else root_turning
     x, y, _ = shell.radius * (start.to_world @ shell_turning)
@@ -265,7 +266,7 @@ def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tupl
             attitude = multiply(attitude, back)
             root_turning = rotation_matrix(back).T @ shell_turning
     qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
-    qvel = [y, -x, 0.0, *root_turning, *(hinge.rate for hinge in turning)]
+    qvel = [y + slip_x, slip_y - x, 0.0, *root_turning, *(hinge.rate for hinge in turning)]
     return np.array(qpos), np.array(qvel)
 
 

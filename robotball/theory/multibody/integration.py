@@ -13,6 +13,7 @@ from robotball.robot.loop import Loop
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL
+from robotball.theory.friction import slip_intervals
 from robotball.theory.multibody.derivative import (
     HINGES,
     LOSS,
@@ -89,14 +90,19 @@ def integrate(
     first = march(rtol)
     states, readings = first.run(times)
     hinges, times = len(scene.hinges), times[: len(states)]
+    events, values = first.system.slip_events, readings_of(readings, hinges)
+    slips = any(begins for _, begins in events) or bool(np.any(scene.start.slip))
     return extended(
-        _motion_of(whole, times, states, readings_of(readings, hinges)),
+        _motion_of(whole, times, states, values),
         ReferenceMotion,
         scene=scene,
         again=again,
         motor_work=states[:, HINGES + 2 * hinges : HINGES + 3 * hinges],
         rolling_loss=states[:, LOSS],
         plane_work=states[:, -1] if scene.plane_moves else None,
+        slip=values.slip * (first.system.weights > 0) if slips else None,
+        slipping=slip_intervals(events, scene, float(times[-1])),
+        friction_loss=states[:, HINGES + 3 * hinges + 2] if slips else None,
         ended=_end_of_range(scene, first, len(times)),
     )
 

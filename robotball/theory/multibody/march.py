@@ -14,7 +14,8 @@ from scipy.optimize import brentq
 from robotball.motion import Progress
 from robotball.robot.loop import Loop, TrueReading
 from robotball.rotations import Array
-from robotball.theory.dop853 import Compensated, take_step
+from robotball.theory.dop853 import Compensated, Steps, take_step
+from robotball.theory.friction import StiffSteps, follow, is_stiff, start_state
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT
 from robotball.theory.multibody.modes import begin_modes, hold_at_rest, margins_of, switch_modes
 from robotball.theory.multibody.system import System
@@ -74,7 +75,7 @@ class March:
         """
         system = self.system
         samples = _Samples(system, times)
-        state, t = system.start(), 0.0
+        state, t = start_state(system), 0.0
         for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
             if self.loop is not None:
                 self.loop.reach(t, partial(self._sensed, t, state))
@@ -123,11 +124,16 @@ class March:
                 state = hold_at_rest(system, solver.t, solver.state, readings)
                 if system.modes.standing:
                     return solver.t, state
+            if system.modes.slipping:
+                state = follow(system, solver.t, solver.state)
+                settled = isinstance(solver, StiffSteps) and not is_stiff(system, solver.t, state)
+                if not system.modes.slipping or state is not solver.state or settled:
+                    return solver.t, state.copy()
         self.natural = longest
         return solver.t, solver.state
 
     def _event(
-        self, solver: Compensated, before: float, margins: Array
+        self, solver: Steps, before: float, margins: Array
     ) -> tuple[tuple[float, int] | None, Array]:
         """Return the time and margin of the last step's first event, and the margins after it."""
         system = self.system
@@ -155,8 +161,10 @@ class March:
                 break
         return (min(events) if events else None), after
 
-    def _solver(self, begin: float, end: float, state: Array) -> Compensated:
+    def _solver(self, begin: float, end: float, state: Array) -> Steps:
         system = self.system
+        if is_stiff(system, begin, state):
+            return StiffSteps(system, begin, end, state)
         solver = Compensated(system.stages, begin, end, state, self.rtol, system.scale)
         if system.holds and self.natural is not None:
             # As many equal steps as the last piece would have taken. To search the length of the
@@ -183,12 +191,15 @@ class _Samples:
         self.states = np.empty((len(times), len(system.scenes) * system.size))
         self.readings = np.empty((len(times), len(system.scenes) * system.readings_size))
 
-    def add(self, reached: float, solver: Compensated | Array) -> None:
+    def add(self, reached: float, solver: Steps | Array) -> None:
         """Add the samples up to `reached` [s], from the solver's last step or from one state."""
         new = slice(self.done, int(self.times.searchsorted(reached, side="right")))
         if new.start < new.stop:
             times = self.times[new]
-            self.states[new] = solver.within(times) if isinstance(solver, Compensated) else solver
+            self.states[new] = solver if isinstance(solver, np.ndarray) else solver.within(times)
             for i, t in enumerate(times.tolist(), start=new.start):
                 self.readings[i] = self.system.numbers(t, self.states[i]).ravel()
+            if self.system.spins:  # the states have L in place of M = γ×L
+                L = self.states[new, MOMENTUM : MOMENTUM + 3]
+                self.states[new, MOMENTUM : MOMENTUM + 3] = np.cross([0.0, 0.0, 1.0], L)
             self.done = new.stop

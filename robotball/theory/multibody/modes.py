@@ -2,18 +2,18 @@
 
 While the modes stay, the derivative is a smooth function of the state. An event is the zero of a
 margin, which is positive while the modes stay and about 1 far from an event: the ball lifts off, a
-joint reaches an end of its range, a motor reaches or leaves its torque limit, or the plane's
-resistance to rolling no longer holds the shell.
+joint reaches an end of its range, a motor reaches or leaves its torque limit, the plane's
+resistance to rolling no longer holds the shell, or the shell begins to slip.
 """
 
 import numpy as np
 
 from robotball.rotations import Array, rotation_matrix
+from robotball.theory import friction
 from robotball.theory.multibody.derivative import (
     HINGES,
     MOMENTUM,
     STANDING,
-    Modes,
     Readings,
     readings_of,
 )
@@ -21,7 +21,7 @@ from robotball.theory.multibody.system import System
 from robotball.theory.plane import lift_off
 
 # The index of this margin; its event ends the rolling. The ranges of joints follow, which end the
-# motion, then the limited motors, then a standing shell.
+# motion, then the limited motors, a standing shell, and a sticking one.
 _LIFT_OFF = 0
 _NUDGE = 1e-6  # s, over which a shell that begins to roll shows its direction
 _NUDGES = 30  # iterations for this direction
@@ -40,6 +40,8 @@ def margins_of(system: System, t: float, state: Array) -> Array:
         margins.append(1 - abs(part) if modes.motors[j] == 0 else modes.motors[j] * part - 1)
     if modes.standing:
         margins.append(1 - _holding_torque(readings) / (system.resistance * readings.normal))
+    if system.slips and not modes.slipping:
+        margins.append(1 - friction.grip(system, readings))
     return np.array(margins)
 
 
@@ -54,7 +56,7 @@ def begin_modes(system: System, t: float, state: Array) -> Array:
     readings = system.readings(t, state)
     if not readings.normal > 0:
         raise lift_off(t)
-    return hold_at_rest(system, t, state, readings)
+    return friction.begin(system, t, hold_at_rest(system, t, state, readings))
 
 
 def switch_modes(system: System, t: float, state: Array, event: int) -> Array:
@@ -64,7 +66,8 @@ def switch_modes(system: System, t: float, state: Array, event: int) -> Array:
         raise lift_off(t)
     event -= 1 + len(system.ranges)
     if event >= len(system.limited):
-        return _let_go(system, t, state)
+        stands = modes.standing and event == len(system.limited)
+        return _let_go(system, t, state) if stands else friction.slide(system, t, state)
     j = system.limited[event]
     motors = modes.motors.copy()
     motors[j] = int(np.sign(readings.unlimited[j])) if modes.motors[j] == 0 else 0
@@ -78,9 +81,9 @@ def hold_at_rest(system: System, t: float, state: Array, readings: Readings) -> 
     if not system.resistance or modes.standing:
         return state
     if np.linalg.norm(readings.rolling) > STANDING:
-        system.modes = Modes(modes.motors)
+        system.modes = modes._replace(standing=False, toward=np.zeros(3))
         return state
-    system.modes = Modes(modes.motors, standing=True)
+    system.modes = modes._replace(standing=True, toward=np.zeros(3))
     at_rest = system.readings(t, state)
     if _holding_torque(at_rest) <= system.resistance * at_rest.normal:
         return _with_momentum(system, t, state)  # drops the residual rolling velocity
@@ -101,7 +104,7 @@ def _let_go(system: System, t: float, state: Array) -> Array:
     """
     readings = system.readings(t, state)
     state = _with_momentum(system, t, state)
-    system.modes = Modes(system.modes.motors)
+    system.modes = system.modes._replace(standing=False, toward=np.zeros(3))
 
     def rolling_ahead() -> Array:
         return system.readings(t, state + _NUDGE * system.rate(t, state)).rolling

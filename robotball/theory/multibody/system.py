@@ -40,7 +40,14 @@ class System:
         self.scene, self.count = first, len(hinges)
         given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges] + [True] * 3)
         motors = np.stack([_laws_of(scene) for scene in scenes])
-        self.size = HINGES + 3 * self.count + first.plane_moves
+        friction = first.friction
+        slide, spin = (np.inf if c is None else c for c in (friction.sliding, friction.torsional))
+        # Coefficients of the slip along X and Y and of the spin; inf if a component cannot slip.
+        self.friction = np.array([slide, slide, spin if first.rolling == "rubber" else np.inf])
+        self.weights = np.where(np.isfinite(self.friction), self.friction, 0.0)
+        self.slips = bool(self.weights.any())
+        self.slip_events: list[tuple[float, bool]] = []  # time [s], and whether slip begins there
+        self.size = HINGES + 3 * self.count + 3 * self.slips + first.plane_moves
         self.readings_size = PER_HINGE + 2 * self.count + motors.shape[1]
         self.limits = motors[0, :, LIMIT]
         self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
@@ -58,12 +65,13 @@ class System:
             given,
             first.rolling == "rubber",
             np.array([float(scene.friction.rolling) for scene in scenes]),
+            np.tile(self.friction[1:], (len(scenes), 1)),
         )
         widths = self.count, self.count, motors.shape[1], 3, 3
         self._inputs = Inputs(*(np.zeros((len(scenes), STAGES, width)) for width in widths))
         for k, scene in enumerate(scenes):
             self._inputs.gravity[k] = scene.gravity_at(0.0)
-        self._work = work_of(self.size, self.count)
+        self._work = work_of(self.size, self.count, 2 * self.slips)
         self._commands = [
             [*(hinge.command for hinge in scene.hinges if hinge.motor is not None), *scene.controls]
             for scene in scenes
@@ -116,6 +124,11 @@ class System:
             one = scene.states_of(scene.angular_velocity_at(start))
             state[HINGES + self.count : HINGES + 2 * self.count] = one.momenta[3:, 0]
         return state
+
+    @property
+    def spins(self) -> bool:
+        """Whether the state has L in place of M, because a rubber shell spins."""
+        return self.modes.slipping and bool(np.isfinite(self.friction[2]))
 
     def rate(self, t: float, state: Array) -> Array:
         """Return the derivative of a state at time t [s]."""
@@ -200,4 +213,7 @@ def _scale_of(scene: Scene) -> Array:
     momentum = scene.momentum_scale
     of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]
     of_plane = [energy] * scene.plane_moves
-    return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_plane])
+    slips = scene.friction.sliding, scene.friction.torsional if scene.rolling == "rubber" else None
+    push = momentum / scene.ball.radius
+    of_slip = [push, push, energy] * any(c is not None for c in slips)
+    return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_slip, of_plane])

@@ -1,0 +1,190 @@
+"""Stick and slip of the shell on a plane with finite friction.
+
+The slip velocity v = (v_X, v_Y, σ) is the velocity of the shell's point at the contact [m/s] and,
+in the rubber model, the shell's spin about the vertical [rad/s]. W = diag(μ, μ, μ_t) has the
+sliding coefficient and the torsional one [m]. A component without a coefficient cannot slip.
+
+* Stick: v = 0, as long as the friction f keeps |W⁻¹f| <= N, with N the normal force.
+* Slip: f = -N W²v/|Wv|, the force in the cone with maximum dissipation; Coulomb's law if W = μ.
+
+While the shell slips, the state has the horizontal momentum P, and L in place of M in the rubber
+model. M is not constant then.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.integrate import Radau
+
+from robotball.errors import InputError
+from robotball.robot.scene import Scene
+from robotball.rotations import Array, rotation_matrix
+from robotball.theory.multibody.derivative import HINGES, MOMENTUM, Readings
+from robotball.theory.multibody.system import System
+
+_STOPPED = 1e-10  # m/s, of |Wv|: a slower slip has ended
+_ONSET = 1e-9  # m/s, of |Wv|: up to it friction keeps the direction in which slip begins
+# m/s, of |Wv|: in a slower slip the direction of friction settles so fast that the equations are
+# stiff, and an implicit method takes the steps.
+_STIFF = 3e-3
+_STIFF_RTOL = 1e-10  # relative error of an implicit step, which is of order five
+_NUDGE, _ITERATIONS = 1e-6, 30  # s and steps of the search for the direction in which slip begins
+_MOST_EVENTS = 5000  # changes between stick and slip; more are chatter
+
+
+class StiffSteps:
+    """Steps of Radau IIA from a state (n,) at t to `end` [s], with the members of `Compensated`."""
+
+    def __init__(self, system: System, t: float, end: float, state: Array) -> None:
+        rtol, atol, first = _STIFF_RTOL, _STIFF_RTOL * system.scale, min(_NUDGE, (end - t) / 2)
+        self._radau = Radau(system.rate, t, state, end, rtol=rtol, atol=atol, first_step=first)  # type: ignore[arg-type]
+        self.t, self.state, self.next_step = t, self._radau.y, first
+        self.derivative = np.asarray(self._radau.f)
+
+    def step(self) -> str | None:
+        """Take a step. Returns why it could not be taken, else None."""
+        why: str | None = self._radau.step()
+        self.t, self.state, self.derivative = self._radau.t, self._radau.y, self._radau.f
+        return why
+
+    def within(self, times: Array) -> Array:
+        """Return states (m, n) at times (m,) in the last step."""
+        return np.asarray(self._radau.dense_output()(times)).T
+
+
+def is_stiff(system: System, t: float, state: Array) -> bool:
+    """Return whether the shell slips so slowly that the equations are stiff."""
+    return system.modes.slipping and slip_speed(system, system.readings(t, state)) < _STIFF
+
+
+def slip_speed(system: System, readings: Readings) -> float:
+    """Return |Wv| [m/s], with 0 for components that cannot slip."""
+    return float(np.linalg.norm(system.weights * readings.slip))
+
+
+def grip(system: System, readings: Readings) -> float:
+    """Return |W⁻¹f|/N, the part of the friction cone that a shell uses that sticks."""
+    return float(np.linalg.norm(_friction(readings) / system.friction)) / readings.normal
+
+
+def _friction(readings: Readings) -> Array:
+    return np.array([*readings.force[:2], readings.plane_torque[2]])
+
+
+def begin(system: System, t: float, state: Array) -> Array:
+    """Let a shell slip that friction cannot hold at the start of a smooth piece."""
+    if not system.slips or system.modes.slipping:
+        return state
+    return slide(system, t, state) if grip(system, system.readings(t, state)) > 1 else state
+
+
+def follow(system: System, t: float, state: Array) -> Array:
+    """Return the state after a step of a slipping shell; the same object if the modes stay."""
+    modes, readings = system.modes, system.readings(t, state)
+    if not readings.normal > 0:
+        raise InputError(
+            f"{system.scene.name}: the ball lifts off the plane or is jammed by its friction at "
+            f"t = {t:.9g} s: shorten the motion, or lower friction.sliding"
+        )
+    speed = slip_speed(system, readings)
+    if np.any(modes.ahead):
+        if speed > _ONSET:
+            system.modes = modes._replace(ahead=np.zeros(3))
+            return state.copy()
+        if system.weights * readings.slip @ modes.ahead >= 0:
+            return state
+    elif speed > _STOPPED:
+        return state
+    # Friction ends the slip with an impulse at the contact, which changes neither L nor the momenta
+    # along the hinges.
+    held = state.copy()
+    if system.spins:
+        L = state[MOMENTUM : MOMENTUM + 3]
+        held[MOMENTUM : MOMENTUM + 3] = -L[1], L[0], 0.0
+    system.modes = modes._replace(slipping=False, ahead=np.zeros(3))
+    if grip(system, system.readings(t, held)) > 1:
+        return slide(system, t, held)
+    _record(system, t, slips=False)
+    return held
+
+
+def slide(system: System, t: float, state: Array) -> Array:
+    """Set the mode of a sticking shell that begins to slip, and return the state.
+
+    The direction d of Wv solves: the acceleration with friction against d is along d. The
+    iteration is damped with the acceleration without friction. If the friction reaches its limit
+    continuously, d stays -W⁻¹f/|W⁻¹f|.
+    """
+    readings = system.readings(t, state)
+    toward = -_friction(readings) / system.friction
+    system.modes = system.modes._replace(slipping=True, ahead=np.zeros(3))
+    state = state.copy()
+    write_momenta(system, state, readings.omega, readings.rates, np.zeros(3))
+
+    def acceleration() -> Array:
+        nudged = state + _NUDGE * system.rate(t, state)
+        return np.asarray(system.weights * system.readings(t, nudged).slip)
+
+    free = float(np.linalg.norm(acceleration()))
+    system.modes = system.modes._replace(ahead=toward / np.linalg.norm(toward))
+    for _ in range(_ITERATIONS):
+        to = free * system.modes.ahead + acceleration()
+        if np.any(to):
+            system.modes = system.modes._replace(ahead=to / np.linalg.norm(to))
+    _record(system, t, slips=True)
+    return state
+
+
+def _record(system: System, t: float, *, slips: bool) -> None:
+    system.slip_events.append((float(t), slips))
+    if len(system.slip_events) > _MOST_EVENTS:
+        raise InputError(
+            f"{system.scene.name}: the shell changes between stick and slip {_MOST_EVENTS} times "
+            f"until t = {t:.6g} s: shorten the motion, or give no friction"
+        )
+
+
+def slip_intervals(
+    events: Sequence[tuple[float, bool]], scene: Scene, end: float
+) -> tuple[tuple[float, float], ...]:
+    """Return the intervals in which the shell slips up to `end` [s]."""
+    begins = [0.0] if np.any(scene.start.slip) else []
+    intervals = []
+    for t, slips in [*events, (end, False)]:
+        if slips and not begins:
+            begins.append(t)
+        elif not slips and begins:
+            intervals.append((begins.pop(), t))
+    return tuple(intervals)
+
+
+def write_momenta(system: System, state: Array, omega: Array, rates: Array, slip: Array) -> None:
+    """Write the momenta of velocities into a state, in the present modes.
+
+    omega: of the carrier without the spin of a rubber shell, in its axes [rad/s]; rates (h,);
+    slip (3,): along X and Y [m/s], and the spin [rad/s].
+    """
+    scene, count = system.scene, system.count
+    to_world, angles = rotation_matrix(state[:4]), state[HINGES : HINGES + count]
+    one = scene.robot.states(to_world[None, 2], angles[None], omega[None], rates[None])
+    moved, spin = to_world[:2].T @ slip[:2], slip[2] * to_world[2]
+    pushes = one.pushes[:, :, 0]
+    momenta = one.momenta[:, 0] + moved @ pushes + one.matrix[:, :3, 0] @ spin
+    P = pushes @ one.u[:, 0] + pushes[:, :3] @ spin + scene.ball.mass * moved
+    L = to_world @ momenta[:3]
+    keeps = scene.rolling == "rubber" and not system.spins
+    state[MOMENTUM : MOMENTUM + 3] = [-L[1], L[0], 0.0] if keeps else L
+    free = ~system.machine.given[3 : 3 + count]
+    state[HINGES + count : HINGES + 2 * count] = np.where(free, momenta[3:], 0.0)
+    state[HINGES + 3 * count : HINGES + 3 * count + 2] = to_world[:2] @ P
+
+
+def start_state(system: System) -> Array:
+    """Return the state at the start of the scene, which may slip."""
+    state, scene = system.start(), system.scene
+    if system.slips:
+        slip = scene.start.slip
+        system.modes = system.modes._replace(slipping=bool(np.any(system.weights * slip)))
+        omega = scene.angular_velocity_at(scene.start)
+        write_momenta(system, state, omega, scene.hinged[1, 0], slip)
+    return state

@@ -66,6 +66,7 @@ from .robot.motors import Law as Law
 from .robot.motors import PositionServo as PositionServo
 from .robot.motors import Servo as Servo
 from .robot.motors import Torque as Torque
+from .robot.scene import Friction as Friction
 from .robot.scene import Scene as Scene
 from .robot.scene import Start as Start
 from .robot.scene import sample_times as sample_times

@@ -122,16 +122,28 @@ def times_of(times: Times, scene: "Scene | None" = None) -> Array:
 
 @dataclass(frozen=True)
 class Friction:
-    """Coefficients of friction between shell and plane. None is unlimited.
+    """Set the coefficients of friction between shell and plane.
 
-    Attributes
+    Parameters
     ----------
-    sliding : float or None
-        Largest friction over the normal force.
-    torsional : float or None, m
-        Largest torque about the vertical over the normal force.
-    rolling : float, m
+    sliding : float, optional
+        Largest friction over the normal force. None is as much as rolling needs.
+    torsional : float, m, optional
+        Largest torque about the vertical over the normal force, in the rubber model. None is as
+        much as rolling needs.
+    rolling : float, m, default 0
         Torque against rolling over the normal force.
+
+    Raises
+    ------
+    InputError
+        If a coefficient is not positive, or `rolling` is negative.
+
+    Examples
+    --------
+    >>> import robotball as rb
+    >>> rb.Friction(sliding=0.3).sliding
+    0.3
     """
 
     sliding: float | None = None

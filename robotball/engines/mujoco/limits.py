@@ -36,6 +36,8 @@ _DRIVE_TIMES = 9
 _LOAD_TIMES, _REFERENCE_STEPS = 1001, 5_000
 _LARGEST_STATE = 1e10  # mjMAXVAL: a larger position, velocity or control is a bad state to MuJoCo
 _LEAST_DETERMINANT = 1e-10  # below it MuJoCo takes a contact's friction block for singular
+# A ball that slips loads the plane exactly at its limit, but for rounding.
+_AT_LIMIT = 1 + 1e-9
 _MAGNIFIED = 10.0  # path error over a rate's relative error; 0.1 to 40 were measured
 
 
@@ -366,7 +368,18 @@ def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
         f"the ball will slip: sliding friction is {value:.4g}, and the motion needs {limit:.4g}: "
         "raise sliding_friction"
     )
+    if plan.scene.friction.sliding is not None:
+        warning, limit = _slipping("sliding", value), limit * _AT_LIMIT
     return LimitCheck(value, limit, warning, least=True)
+
+
+def _slipping(kind: str, value: float) -> str:
+    """Return the warning of a ball that slips because the scene limits its friction."""
+    return (
+        f"the ball slips, because friction.{kind} is {value:.4g}: the contact of these settings "
+        "brakes a slip too weakly and may lose a fifth of the path; trust the equations, or raise "
+        f"friction.{kind}"
+    )
 
 
 def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
@@ -381,6 +394,8 @@ def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
         f"the ball will spin on the spot: torsional friction is {value:.4g} m, and the motion "
         f"needs {limit:.4g} m: raise torsional_friction"
     )
+    if plan.scene.friction.torsional is not None:
+        warning, limit = _slipping("torsional", value), limit * _AT_LIMIT
     return LimitCheck(value, limit, warning, least=True)
 
 

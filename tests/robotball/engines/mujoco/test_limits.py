@@ -378,7 +378,7 @@ def test_a_warning_names_the_number_the_limit_and_the_fix() -> None:
         rb.simulate(FIG12, times, settings=slippery, strict=True)
     own = replace(worked("W2"), friction=Friction(sliding=0.02))
     line = exceeded(own, rb.preset("balanced"), own.times)["sliding_friction"].warning
-    assert unnamed("friction 0.02 0.05855", line) == []
+    assert unnamed("friction.sliding 0.02", line) == []
     # An error is told in percent, with two digits of it.
     lines = exceeded(FIG12, rb.preset("naive"), FIG12.times)
     facts = "Euler M 18~% 1~% timestep 0.00011~s integrator"

@@ -1,4 +1,4 @@
-"""A scene made from another one differs in what is asked for, and in nothing else."""
+"""Variations of a scene change the requested quantities and nothing else."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SCENES = [rb.load_scene(name) for name in ("fig12", "classical_regular")]
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.rolling)
 def test_a_gyrostat_has_the_momentum_and_the_rate_requested(scene: rb.Scene) -> None:
-    """Only Ω and K change: I, d and M are the scene's."""
+    """Only Ω and K change: I, d and M are kept."""
     K = np.array([30.0, -4.0, 500.0])
     numbers, new = scene.parameters, gyrostat(scene, frame_rate=-7.0, K=K).parameters
     np.testing.assert_allclose(new.K, K, rtol=1e-12)

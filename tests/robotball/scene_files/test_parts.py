@@ -1,4 +1,4 @@
-"""Parts by their sizes: masses, centres and moments, and how far they reach."""
+"""Masses, centres, moments and extents of parts given by their sizes."""
 
 import math
 from typing import Any
@@ -101,8 +101,8 @@ HOLLOW: dict[str, tuple[Part, Solid]] = {
 
 
 @pytest.mark.parametrize(("part", "expected"), HOLLOW.values(), ids=HOLLOW)
-def test_hollow_parts_are_whole_ones_less_what_is_cut_out(part: Part, expected: Solid) -> None:
-    """Or tubes without a length. Measured 2e-15: what a difference leaves of rounding."""
+def test_a_hollow_part_is_the_difference_of_two_solid_ones(part: Part, expected: Solid) -> None:
+    """Or a tube of zero length. Measured 2e-15: rounding of the difference."""
     assert off(solid_of(part), expected) < 2e-14
 
 

@@ -42,10 +42,10 @@ PATHS = {
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_a_path_to_no_scene_is_a_line(
+def test_a_path_without_a_scene_is_refused_in_one_line(
     path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A name that is unknown is answered by the nearest; what is there is not called missing."""
+    """An unknown name gets a suggestion; an existing file is not called missing."""
     monkeypatch.chdir(tmp_path)
     Path("mybot.xml").touch()
     Path("mybot.txt").touch()
@@ -57,7 +57,7 @@ def test_a_path_to_no_scene_is_a_line(
 
 
 WALL = "thickness = 0.004\n"
-# In fig12, by what stands there.
+# Changes to the text of fig12: (old, new, facts of the refusal).
 CHANGES = [
     # syntax
     ("[shell]", "[shell", "TOML"),
@@ -82,7 +82,7 @@ CHANGES = [
     ('rolling = "rubber"', 'rolling = "sliding"', "rolling 'sliding' rubber"),
     ('inertia = "thin"', 'inertia = "thick"', "shell.inertia 'thick' thin"),
     (SECTION, "attitude = [1.0, 0.0]", "attitude list 4 2"),
-    # values, of which the tests of bodies, starts and drives have the rest
+    # values; tests of bodies, starts and drives have the rest
     ("radius = 1.0", "radius = 0.0", "radius 0"),
     ("[0.46643401118350475,", "[inf,", "frame.inertia[0][0] 1e+50 inf"),
     ("axial = 0.023", "axial = nan", "rotor1.inertia.axial 1e+50 nan"),
@@ -249,10 +249,10 @@ def refusal(text: Any, folder: Path) -> str:
 
 
 @pytest.mark.parametrize(("text", "body", "facts"), REFUSED, ids=[facts for *_, facts in REFUSED])
-def test_scene_that_cannot_be_used_is_refused_with_key_and_reason(
+def test_an_invalid_scene_is_refused_with_key_and_reason(
     tmp_path: Path, text: str, body: str, facts: str
 ) -> None:
-    """One line: the file, then the key or the body, then what is wrong and by how much."""
+    """One line: the file, the key or the body, and the fault with its value."""
     message = refusal(text, tmp_path)
     assert unnamed(facts, message) == []
     assert message.startswith(f"{tmp_path}/mine.toml: {body}")
@@ -309,11 +309,11 @@ def test_a_number_that_seems_to_be_in_another_unit_is_asked_back(
     assert unnamed(facts, str(question.message)) == []
 
 
-def test_no_number_of_ours_is_asked_about(recwarn: pytest.WarningsRecorder) -> None:
-    """Of the catalog and the example, nor a motor of the class that the data sheet's page has."""
+def test_plausible_numbers_raise_no_question(recwarn: pytest.WarningsRecorder) -> None:
+    """For all catalog scenes and the example."""
     for path in (PROJECT / "examples" / "my_robot.toml", *CATALOG.glob("*.toml")):
         ask(path, rb.load_scene(path))
-    assert [str(each.message) for each in recwarn if each.category is UnitWarning] == []
+    assert [str(w.message) for w in recwarn if w.category is UnitWarning] == []
 
 
 # Scenes of many kinds of tables, without the texts about them.

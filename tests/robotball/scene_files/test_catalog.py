@@ -14,8 +14,8 @@ from tests.random_balls import ball_of_points
 
 pytestmark = pytest.mark.core
 
-# Path errors with "balanced" over 10 s, for robots over 4 s. RK4's error dominates and scales with the
-# fourth power of the fastest rate: largest for Figs 5-8, whose frames rotate at 4.6 rad/s.
+# Path errors with "balanced" over 10 s, for robots over 4 s. RK4's error dominates; it scales with
+# the fourth power of the fastest rate and is largest for Figs 5-8, with frames at 4.6 rad/s.
 MEASURED = {
     "beaver_ball": 2.6e-8, "chaplygin_ball": 1.7e-9, "chaplygin_ball_same_tori": 2.4e-11,
     "chaplygin_gyrostat": 1.0e-9, "classical_chaotic": 2.4e-8, "classical_regular": 2.2e-9,
@@ -40,8 +40,8 @@ def test_both_engines_agree_on_every_scene(name: str) -> None:
     pair = pair_of(scene, preset, times)
     assert pair.report.faults == ()
     assert pair.agrees
-    # Below 1e-12 rounding matters as well. A new scene without an entry may use the tolerance of the
-    # preset.
+    # Below 1e-12 rounding matters as well. For a new scene without an entry, the tolerance of the
+    # preset is the bound.
     measured = MEASURED.get(name, rb.preset(preset).error_tolerance / 3)
     assert pair.path_error < 3 * max(measured, 1e-12)
     assert pair.momentum_error < 1.7e-7  # measured 5.6e-8 (swinging_frame): RK4's error
@@ -101,7 +101,7 @@ def scene_of(case: Any) -> rb.Scene:
     ids=str,
 )
 def test_mujoco_converges_to_the_equations_with_order_four(case: Any) -> None:
-    """Shells with I_s ≠ J_s, rates of both signs, both rolling models, with and without breakpoints.
+    """Shells with I_s ≠ J_s, rates of both signs, both rolling models, several breakpoints.
 
     Measured with "balanced" at most 1.5e-8, with drives 2.9e-8; orders between 20 and 5 ms from
     3.60 (samples) to 4.35.

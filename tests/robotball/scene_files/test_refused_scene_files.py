@@ -297,10 +297,10 @@ ASKED = [
 
 
 @pytest.mark.parametrize(("text", "typed", "facts"), ASKED)
-def test_a_number_that_seems_to_be_in_another_unit_is_asked_back(
+def test_a_number_that_seems_to_be_in_another_unit_raises_a_question(
     text: str, typed: str, facts: str, tmp_path: Path
 ) -> None:
-    """In one line, with the key and the number in the key's unit."""
+    """In one line, with the key and the value in the expected unit."""
     scene = rb.load_scene(PROJECT / "examples" / "my_robot.toml")
     (tmp_path / "mine.toml").write_text(edited(text, typed, EXAMPLE))
     with pytest.warns(UnitWarning) as caught:
@@ -316,7 +316,7 @@ def test_plausible_numbers_raise_no_question(recwarn: pytest.WarningsRecorder) -
     assert [str(w.message) for w in recwarn if w.category is UnitWarning] == []
 
 
-# Scenes of many kinds of tables, without the texts about them.
+# Scenes with many kinds of tables, without their sources.
 NAMES = ("fig12", "steered_pendulum_robot", "inclined_plane", "swinging_frame")
 BARE = [
     re.sub(r'source = """[^"]*"""', "", text)

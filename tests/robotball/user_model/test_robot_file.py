@@ -72,7 +72,7 @@ LIMITED = (
     .replace('ctrl=".03 20"', 'ctrl="-.2 8"')
 )
 
-# With each a change that its own model does not have, and the scene then rolls elsewhere.
+# Each with a change that alters the motion of the scene (control of the test).
 ROBOTS = {
     "plate.xml": (PLATE, 'gear="2"', 'gear="-2"'),
     "gimbal.xml": (GIMBAL, 'coef="-1"', 'coef="1"'),
@@ -97,7 +97,7 @@ def written(folder: Path, name: str, text: str) -> Path:
 def own_steps(
     robot: RobotFile, times: Array, controls: Mapping[str, Callable[[float], float]] = {}
 ) -> Array:
-    """The contact point (n, 2) of the user's own model, its contact stiffer and its steps finer."""
+    """Return contact points (n, 2) of the user's model with a stiffer contact and finer steps."""
     model = robot.model
     model.opt.timestep, model.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
     model.opt.cone, model.opt.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 100
@@ -168,11 +168,11 @@ fly = 15
 @pytest.mark.usefixtures("trusted")
 def test_a_scene_file_may_refer_to_a_robot_file(tmp_path: Path) -> None:
     """It adds rolling model, duration and controls; controls given as arguments override it."""
-    own, path = written(tmp_path, "mybot.xml", PLATE), written(tmp_path, "mine.toml", NAMED)
+    robot, path = written(tmp_path, "mybot.xml", PLATE), written(tmp_path, "mine.toml", NAMED)
     drive = rb.Sine(amplitude=0.02, frequency=0.5)
     for controls, fly in ((None, 15.0), ({"fly": 7.0}, 7.0)):
-        table = {"robot": own.name, "rolling": "rubber", "duration": 3}
-        scene = scene_of_robot(own, table, {"drive": drive, "fly": fly})
+        table = {"robot": robot.name, "rolling": "rubber", "duration": 3}
+        scene = scene_of_robot(robot, table, {"drive": drive, "fly": fly})
         assert rb.load_scene(path, controls) == replace(scene, name="mine", title="Mine")
     for change, line in {
         ('title = "Mine"', "gravity = 9"): "no key beside robot is called 'gravity'; there are",
@@ -193,14 +193,14 @@ def test_a_motion_ends_when_a_joint_reaches_its_range(tmp_path: Path) -> None:
 
     Measured difference 4.2e-4 s, from the soft contact of the original model.
     """
-    own = PLATE.replace('ctrl=".03 20"', 'ctrl=".2 20"')
-    free = rb.load_scene(str(written(tmp_path, "free.xml", own)))
-    ranged = own.replace('name="axle"', 'name="axle" range="-90 90"')
+    text = PLATE.replace('ctrl=".03 20"', 'ctrl=".2 20"')
+    free = rb.load_scene(str(written(tmp_path, "free.xml", text)))
+    ranged = text.replace('name="axle"', 'name="axle" range="-90 90"')
     path = written(tmp_path, "ranged.xml", ranged)
     times = np.linspace(0.0, 0.3, 31)
-    with pytest.warns(rb.SceneWarning, match=naming("axle -90 90~deg")) as said:
+    with pytest.warns(rb.SceneWarning, match=naming("axle -90 90~deg")) as caught:
         pair = pair_of(rb.load_scene(str(path)), "balanced", times)
-    reached = float(str(said[0].message).split("t = ")[1].split(" s,")[0])
+    reached = float(str(caught[0].message).split("t = ")[1].split(" s,")[0])
     data = (robot := open_robot(path)).start()
     robot.model.opt.timestep, robot.model.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
     while data.joint("axle").qpos < np.pi / 2:
@@ -294,8 +294,8 @@ def test_implicit_choices_in_a_file_give_warnings(
     file: tuple[str, str], lines: list[str], tmp_path: Path
 ) -> None:
     """One for each thing that is added, replaced or ignored."""
-    said = warned(file, tmp_path)
-    assert [facts for facts in lines if all(unnamed(facts, line) for line in said)] == []
+    messages = warned(file, tmp_path)
+    assert [facts for facts in lines if all(unnamed(facts, line) for line in messages)] == []
 
 
 # Facts of a refusal: (old, new) text in PLATE that causes it.

@@ -85,7 +85,7 @@ def test_the_page_has_the_law_of_each_limit() -> None:
 
 
 def test_the_studies_are_those_of_today() -> None:
-    """As many configurations and cells as the program has; what is said of them in words is so."""
+    """Numbers of configurations and cells agree with the program, and statements in words hold."""
     assert len(configurations()) == COST["configurations"]
     assert sum(len(cells_of(each)) for each in MAPS.values()) == EXTREMES["runs"]
     assert sum(sum(each.values()) for each in EXTREMES["outcomes"].values()) == EXTREMES["runs"]
@@ -202,8 +202,8 @@ PRINTED = {
 }
 
 
-def test_a_printed_command_is_one() -> None:
-    """Its name, options and values are known; so are those of the examples in `--help`."""
+def test_printed_commands_are_valid() -> None:
+    """Names, options and values are known, also in the examples of `--help`."""
     assert {"demo", "study convergence fig12", "report fig12", "export fig12 --out ball"} <= PRINTED
     examples = {example(name) for name in COMMANDS}
     assert all(example(name).startswith(name) for name in COMMANDS)

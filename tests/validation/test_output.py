@@ -85,7 +85,7 @@ def test_scenes_with_the_same_name_get_different_names(
 def test_options_that_differ_from_the_default_are_in_the_name(
     command: str, names: str, words: str
 ) -> None:
-    """A word each, in the order of `--help`; one at its default has none."""
+    """In the order of `--help`; options with their default value are left out."""
     function, bound = parse(command.split())
     bound.apply_defaults()
     options = {name: bound.arguments[name] for name in names.split()}
@@ -221,8 +221,8 @@ def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None
     assert box.height < errors.get_position().height / 1.5  # measured 1.3 and 2.7 inches
 
 
-def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off() -> None:
-    """Each has a colour, a dash and a marker of its own; MuJoCo as it comes has MuJoCo's."""
+def test_runs_are_distinguished_without_colour_and_a_cross_marks_an_early_end() -> None:
+    """Each has a different colour, dash and marker; default settings have the colour of MuJoCo."""
     agreements = [compare("fig12", TIMES, settings=name) for name in rb.PRESETS]
     motions = [agreements[0].theory, *(each.motion for each in agreements)]
     own, *looks = line_looks(motions)

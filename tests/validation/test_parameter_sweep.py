@@ -15,7 +15,7 @@ ERRORS = ("path_error", "gamma_error", "momentum_error")
 
 @pytest.mark.parametrize("count", [2, 9])
 def test_a_row_is_the_comparison_at_its_value(count: int) -> None:
-    """Of a setting, here and in processes: to the last bit, in the order of the values."""
+    """To the last bit and in order, in one process and in several."""
     values = np.linspace(0.02, 0.01, count)
     found = rb.sweep("fig12", "timestep", values, TIMES, settings="fast")
     assert found["value"].tolist() == values.tolist()

@@ -42,7 +42,7 @@ GOOD = FIRST.read_text().replace(
 )
 _KEY, _CONE, _SOLREF = '<key ctrl=".06 .5 40"', 'cone="elliptic"', 'solref=".004 1"'
 _OVER = 'cone="elliptic" {}><flag override="enable"/></option>'
-# The name begins with the cause. The right model has an error of 2.9e-4, by its first load.
+# The name begins with the cause. The error of the right model is 2.9e-4, from its first load.
 PLANTED = {
     "friction": ('friction="20 20', 'friction=".05 .05'),
     "friction 2": ('friction="20 20', 'friction=".02 .3'),
@@ -87,7 +87,7 @@ PLANTED = {
     "margin": (_SOLREF, 'margin=".02" ' + _SOLREF),
     "margin 2": (_SOLREF, 'margin=".005" ' + _SOLREF),
 }  # fmt: skip
-# Two at once, of which the one that is farther off alone is the cause.
+# Two mistakes at once: the one with the larger error alone is the cause.
 PAIRS = [
     ("softness", "solver"),
     ("friction 2", "softness"),
@@ -208,17 +208,17 @@ NOT_RIGHT = {
 
 @cache
 def coarsely_checked(text: str, duration: float) -> Checked:
-    """Check a model to an accuracy so coarse that none is off by it."""
+    """Check a model with a tolerance so large that every error is below it."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "robot.xml"
         path.write_text(text)
-        own = UserModel(open_robot(path), {}, None)
-        return check_model(own, "classical", duration, 1e3, lambda *_: None)
+        model = UserModel(open_robot(path), {}, None)
+        return check_model(model, "classical", duration, 1e3, lambda *_: None)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("facts", NOT_RIGHT)
-def test_what_is_not_right_all_the_time_does_not_agree(facts: str) -> None:
+def test_a_model_that_fails_part_of_the_time_does_not_agree(facts: str) -> None:
     """The right model would agree over the same time."""
     text, duration = NOT_RIGHT[facts]
     it, right = coarsely_checked(text, duration), coarsely_checked(GOOD, duration)
@@ -229,7 +229,7 @@ def test_what_is_not_right_all_the_time_does_not_agree(facts: str) -> None:
 
 
 def test_a_model_that_diverges_is_measured_until_then(tmp_path: Path) -> None:
-    """Measured: it leaves the plane at 0.06 s and diverges at 0.1 s, by numbers up to 1e130."""
+    """Measured: it leaves the plane at 0.06 s and diverges at 0.1 s, reaching 1e130."""
     path = tmp_path / "wild.xml"
     path.write_text(WILD)
     own = UserModel(open_robot(path), {}, None)
@@ -259,7 +259,7 @@ def geared(gear: float, integrator: str, timestep: float = 0.002) -> str:
 def test_a_model_that_diverges_at_once_gets_the_cause_and_a_page(
     robotball: Robotball, gear: float, integrator: str, number: str
 ) -> None:
-    """At 4 ms and 20 ms. Mended it is off by 4.8e-4: implicitfast is of first order."""
+    """At 4 ms and 20 ms. The error of the mended model is 4.8e-4: implicitfast has first order."""
     found = checked(robotball, "robot.xml", geared(gear, integrator), "--duration", ".5")
     assert found["status"] == 1
     assert "diverges at t = 0.0" in found["fails"]

@@ -83,8 +83,8 @@ def test_a_sentence_has_the_error_and_its_bound_or_the_end_of_the_run(
     assert "<img src=x" not in report([odd], COMMAND)
 
 
-def test_friction_needed_stands_beside_what_is_given() -> None:
-    """fig12 needs 1.32 by the equations; the recipe's plane gives 20."""
+def test_the_friction_needed_is_shown_beside_the_friction_available() -> None:
+    """fig12 needs 1.32 according to the equations; the recipe has 20."""
     agreement = compare("fig12", settings="fast")
     words = friction_needed(agreement.theory)
     assert unnamed("sliding 1.32 torsional 1.87~m", words) == []

@@ -1,4 +1,4 @@
-"""A user-defined rate, as a function and as a drive."""
+"""A user-defined rate: a function and a drive."""
 
 import math
 

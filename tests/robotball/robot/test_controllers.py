@@ -151,10 +151,20 @@ def test_readings_match_the_motion_in_both_engines() -> None:
             names = [hinge.name for hinge in STEERED.hinges]
             assert reading.contact_point is not None
             assert [*reading.angles] == [*reading.rates] == names
-            read: list[Any] = [reading.gyro, reading.attitude, [*reading.angles.values()],
-                    [*reading.rates.values()], reading.contact_point]  # fmt: skip
-            true = [motion.angular_velocity[i], motion.attitude[i], motion.hinge_angles[i],
-                    motion.hinge_rates[i], motion.contact_point[i]]  # fmt: skip
+            read: list[Any] = [
+                reading.gyro,
+                reading.attitude,
+                [*reading.angles.values()],
+                [*reading.rates.values()],
+                reading.contact_point,
+            ]
+            true = [
+                motion.angular_velocity[i],
+                motion.attitude[i],
+                motion.hinge_angles[i],
+                motion.hinge_rates[i],
+                motion.contact_point[i],
+            ]
             assert np.abs(np.concatenate(read) - np.concatenate(true)).max() < 1e-13
     gyros = [np.array([reading.gyro for reading in kept]) for kept, _ in runs]
     assert np.abs(gyros[0] - gyros[1]).max() < 1e-5

@@ -1,4 +1,4 @@
-"""Time-dependent drives: rates, their derivatives and integrals, sampling by steps."""
+"""Time-dependent drives: rates, derivatives, integrals and sampling errors."""
 
 import math
 import warnings
@@ -66,12 +66,15 @@ def test_the_acceleration_is_the_derivative_of_the_rate(drive: Drive) -> None:
 def test_rates_follow_the_documented_formulas() -> None:
     """Before, within and after a ramp, and for a sine with a phase."""
     for name, t, rate in (
-        ("linear", 0.2, 1.0), ("linear", 1.25, 2.0), ("linear", 2.5, 3.0),
-        ("smooth", 0.875, 1 - 4 * (3 / 16 - 2 / 64)), ("smooth", 2.5, -3.0),
+        ("linear", 0.2, 1.0),
+        ("linear", 1.25, 2.0),
+        ("linear", 2.5, 3.0),
+        ("smooth", 0.875, 1 - 4 * (3 / 16 - 2 / 64)),
+        ("smooth", 2.5, -3.0),
         ("quintic", 0.875, 1 - 4 * (10 / 64 - 15 / 256 + 6 / 1024)),
         ("sine", 0.4, 1 + 2 * math.sin(0.56 * math.pi + 0.3)),
         ("sum", 1.0, 5.0 + 2 * math.sin(1.4 * math.pi)),
-    ):  # fmt: skip
+    ):
         assert DRIVES[name].rate(t) == pytest.approx(rate, rel=1e-14)
 
 
@@ -119,7 +122,7 @@ def test_a_function_is_evaluated_only_within_the_run(end: float, preset: str) ->
 
 
 def test_a_function_that_is_not_smooth_gives_a_warning() -> None:
-    """The warning names the time and the remedy; with breakpoints there is no warning."""
+    """The warning names the time and the remedy; breakpoints avoid it."""
     times = np.linspace(0.0, 1.0, 3)
     cusp = rb.Custom(lambda t: 2 + 1e-3 * abs(t - 0.4) ** 0.25)
     with pytest.warns(rb.SceneWarning, match=naming("0.4~s breakpoints derivative")):
@@ -132,7 +135,7 @@ def test_a_function_that_is_not_smooth_gives_a_warning() -> None:
 def test_the_sampling_error_of_a_sine_is_the_error_of_simpsons_rule() -> None:
     """sin(x)/x - (2 + cos x)/3 of its amplitude at the worst phase, also if it aliases.
 
-    Frequencies below, at and beyond those whose periods divide the step.
+    Frequencies below, at and beyond the first whose period divides the step.
     """
     step, stops = 5e-3, np.array([0.0, 0.7, 2.0])
     for frequency in (7.0, 50.0, 100.0, 199.0, 200.0, 201.0, 400.0, 1000.0, 12345.0):

@@ -54,10 +54,16 @@ class State:
         self.M: Vector = eq.cross(self.gamma, free) if rolling == "rubber" else free
         self.omega = self.ball.angular_velocity(self.M, self.gamma)
         self.omega_rate, self.spin_torque = eq.full_angular_acceleration(
-            self.omega, self.gamma, self.ball.Omega, self.Omega_rate, self.ball.k,
-            eq.add(self.K_rate, eq.scale(d, self.Omega_rate)), self.ball.I, d,
+            self.omega,
+            self.gamma,
+            self.ball.Omega,
+            self.Omega_rate,
+            self.ball.k,
+            eq.add(self.K_rate, eq.scale(d, self.Omega_rate)),
+            self.ball.I,
+            d,
             spin_free=rolling == "rubber",
-        )  # fmt: skip
+        )
 
     def at(self, t: Scalar) -> tuple[Parameters, Vector, Vector]:
         """Return the ball, ω and γ a short time later."""

@@ -40,8 +40,8 @@ def test_a_scaled_ball_moves_alike(scene: rb.Scene) -> None:
     """The path goes with the length, whatever the masses: 1e-14 of it, by rounding."""
     times = rb.sample_times(1.0)
     small, large = (
-        rb.integrate(each, times) for each in (scene, scaled(scene, mass=1e7, length=1e5))
+        rb.integrate(item, times) for item in (scene, scaled(scene, mass=1e7, length=1e5))
     )
     assert np.abs(large.contact_point / 1e5 - small.contact_point).max() < 1e-12
-    frictions = [each.loads.sliding_friction.max() for each in (small, large)]
+    frictions = [item.loads.sliding_friction.max() for item in (small, large)]
     assert frictions[1] == pytest.approx(frictions[0], rel=1e-12)

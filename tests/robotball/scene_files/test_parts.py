@@ -1,4 +1,4 @@
-"""Masses, centres, moments and extents of parts given by their sizes."""
+"""Masses, centres, moments and extents of parts of given sizes."""
 
 import math
 from typing import Any
@@ -31,7 +31,7 @@ TURNED = (0.5, -0.5, 0.1, 0.7)  # of length 1
 
 def off(ours: Solid, theirs: Solid) -> float:
     """The largest error of mass, centre and inertia, relative to their sizes."""
-    pairs = [(each.mass, each.centre, each.inertia) for each in (ours, theirs)]
+    pairs = [(solid.mass, solid.centre, solid.inertia) for solid in (ours, theirs)]
     gaps = [np.abs(a - b).max() / (np.abs(b).max() or 1.0) for a, b in zip(*pairs, strict=True)]
     return float(max(gaps))
 

@@ -94,17 +94,13 @@ STARTS = {
     "": "start section momentum",
     SECTION + "\nrest = true": "start rest section form",
     ATTITUDE: "start rest angular_velocity",
-    ATTITUDE + "rest = true\nmomentum = [1.0, 0.0, 0.0]":
-        "start attitude momentum rest form",
+    ATTITUDE + "rest = true\nmomentum = [1.0, 0.0, 0.0]": "start attitude momentum rest form",
     ATTITUDE + UP + "rest = true": "start attitude gamma rest form",
-    "gamma = [0.0, 0.0, 1.1]\nmomentum = [1.0, 0.0, 0.0]":
-        "gamma |gamma|~=~1.1",
+    "gamma = [0.0, 0.0, 1.1]\nmomentum = [1.0, 0.0, 0.0]": "gamma |gamma|~=~1.1",
     UP + "alpha = [0.9, 0.0, 0.0]\nrest = true": "alpha |alpha|~=~0.9",
-    "attitude = [1.0, 0.1, 0.0, 0.0]\nrest = true":
-        "attitude |attitude|~=~1.00499",
-    ATTITUDE + "angular_velocity = [0.0, 0.0, 2.5]":
-        "angular_velocity rubber (2.2)",
-}  # fmt: skip
+    "attitude = [1.0, 0.1, 0.0, 0.0]\nrest = true": "attitude |attitude|~=~1.00499",
+    ATTITUDE + "angular_velocity = [0.0, 0.0, 2.5]": "angular_velocity rubber (2.2)",
+}
 
 
 def parts(*several: str) -> str:
@@ -196,37 +192,26 @@ HINGES = {
     'drive = "servo"': "drive servo 'kv' N~m~s/rad",
     'drive = "position"\nangle = 0': "drive position 'kp' N~m/rad",
     'drive = "position"\nkp = 1': "drive position 'angle' rad",
-    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1':
-        "drive dc_motor 'no_load_speed' rad/s",
-    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1\nno_load_speed = 1\ngear = 0':
-        "motor gear 0",
+    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1': "drive dc_motor 'no_load_speed' rad/s",
+    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1\nno_load_speed = 1\ngear = 0': "motor gear 0",
     'drive = "torque"': "drive 'torque' N~m",
     'drive = "servo"\nkv = 0': "servo gain 0~N~m~s/rad",
     'drive = "servo"\nkv = 1\nkp = 1': 'kp "position" "servo"',
     "kv = 1": 'kv "servo" "prescribed"',
-    "torque_limit = 1":
-        'torque_limit "servo" "position" "dc_motor" "prescribed"',
-    'drive = "position"\nkp = 1\nangle = 1\nrate = 2':
-        'rate "prescribed" "servo" "position"',
-    "rate = 1\ninitial_rate = 2":
-        'initial_rate "servo" "position" "dc_motor" "torque"',
-    'drive = "servoo"':
-        "drive 'servoo' dc_motor free position prescribed",
-    'rate = { kind = "rmap", final = 1, end = 1 }':
-        "rate.kind 'rmap' ramp sine samples",
+    "torque_limit = 1": 'torque_limit "servo" "position" "dc_motor" "prescribed"',
+    'drive = "position"\nkp = 1\nangle = 1\nrate = 2': 'rate "prescribed" "servo" "position"',
+    "rate = 1\ninitial_rate = 2": 'initial_rate "servo" "position" "dc_motor" "torque"',
+    'drive = "servoo"': "drive 'servoo' dc_motor free position prescribed",
+    'rate = { kind = "rmap", final = 1, end = 1 }': "rate.kind 'rmap' ramp sine samples",
     "rate = { final = 1, end = 1 }": "rate 'kind' ramp sine samples",
     'rate = "fast"': "rate number table list text",
-    'rate = { kind = "samples", times = [0, 5] }':
-        "samples 'values' 'file'",
-    'rate = { kind = "samples", times = [0, 5], file = "x.csv" }':
-        "samples file times values",
+    'rate = { kind = "samples", times = [0, 5] }': "samples 'values' 'file'",
+    'rate = { kind = "samples", times = [0, 5], file = "x.csv" }': "samples file times values",
     'rate = { kind = "samples", file = "x.csv" }': "x.csv No~such~file",
-    'rate = { kind = "samples", file = "rpm.csv" }':
-        "rpm.csv rate rpm rad/s rad N~m",
-    'rate = { kind = "samples", file = "many.csv" }':
-        "many.csv two t a b",
+    'rate = { kind = "samples", file = "rpm.csv" }': "rpm.csv rate rpm rad/s rad N~m",
+    'rate = { kind = "samples", file = "many.csv" }': "many.csv two t a b",
     'rate = { kind = "samples", file = "late.csv" }': "late.csv times samples",
-}  # fmt: skip
+}
 
 HUNG = PENDULUM + BOB
 REFUSED = [

@@ -116,11 +116,17 @@ def test_hinges_have_motors_commands_and_initial_states(tmp_path: Path) -> None:
         frame=FRAME + 'drive = "servo"\nkv = 2.0\nrate = 3.0\narmature = 0.01\n',
         rest=PENDULUM + BOB + 'drive = "position"\nkp = 6.0\nkd = 0.3\nangle = 0.5\n'
         "torque_limit = 0.7\ninitial_angle = 0.2\n"
-        + PENDULUM + BOB + 'drive = "torque"\ntorque = [0.1, { kind = "sine", amplitude = 0.2, '
+        + PENDULUM
+        + BOB
+        + 'drive = "torque"\ntorque = [0.1, { kind = "sine", amplitude = 0.2, '
         "frequency = 1.0 }]\ninitial_rate = -1.0\n"
-        + PENDULUM + BOB + 'drive = "free"\ndamping = 0.01\nstiffness = 0.3\nrest = 0.5\n'
-        + PENDULUM + BOB + 'rate = { kind = "samples", file = "rate.csv" }\n',
-    )  # fmt: skip
+        + PENDULUM
+        + BOB
+        + 'drive = "free"\ndamping = 0.01\nstiffness = 0.3\nrest = 0.5\n'
+        + PENDULUM
+        + BOB
+        + 'rate = { kind = "samples", file = "rate.csv" }\n',
+    )
     scene = scene_of(text, tmp_path)
     frame, position, torque, free, prescribed = scene.hinges
     assert frame.motor == rb.Servo(2.0, None, 0.01)

@@ -62,12 +62,12 @@ def _spans(rng: random.Random, text: str) -> tuple[str, str, str]:
 
 
 def _replaced(rng: random.Random, text: str, pattern: re.Pattern[str], by: str) -> str:
-    found = rng.choice(list(pattern.finditer(text)))
-    return text[: found.start()] + by + text[found.end() :]
+    match = rng.choice(list(pattern.finditer(text)))
+    return text[: match.start()] + by + text[match.end() :]
 
 
 def _swapped(rng: random.Random, text: str) -> str:
-    one, other = rng.sample([each.group() for each in VALUE.finditer(text)], 2)
+    one, other = rng.sample([match.group() for match in VALUE.finditer(text)], 2)
     return text.replace(one, "\0").replace(other, one).replace("\0", other)
 
 

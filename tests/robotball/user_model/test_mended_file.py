@@ -55,8 +55,9 @@ def test_changes_set_their_values_and_nothing_else(tmp_path: Path, end: str) -> 
     assert model.pair_friction[0].tolist() == [20, 20, 0.005, 1e-4, 1e-4]
     assert model.pair_dim[0] == 3
     assert {model.geom(int(i)).name for i in (model.pair_geom1[0], model.pair_geom2[0])} == {
-        ours.sphere, ours.plane,
-    }  # fmt: skip
+        ours.sphere,
+        ours.plane,
+    }
     assert np.array_equal(model.body_mass, before.body_mass)
     assert np.array_equal(model.qpos0, before.qpos0)
     # A second change overrides the first.

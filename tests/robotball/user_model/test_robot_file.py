@@ -118,11 +118,10 @@ def own_steps(
 
 @pytest.mark.usefixtures("trusted")
 @pytest.mark.parametrize("name", ROBOTS)
-def test_a_robots_scene_rolls_as_its_own_model_in_fine_steps(name: str, tmp_path: Path) -> None:
-    """Wherever the file has its root, with gears, tendons, servos, filters, slides and springs.
+def test_a_scene_rolls_like_the_original_model_with_fine_steps(name: str, tmp_path: Path) -> None:
+    """For any root body, with gears, tendons, servos, filters, slides and springs.
 
-    Measured 3.3e-6, 3.6e-5, 7.4e-6, 7.0e-5 and 2.1e-6 of the path; the softness of the contact
-    dominates.
+    Measured 3.3e-6, 3.6e-5, 7.4e-6, 7.0e-5 and 2.1e-6 of the path, from the soft contact.
     """
     text, old, new = ROBOTS[name]
     path, times = written(tmp_path, name, text), np.linspace(0.0, 0.6, 13)
@@ -364,10 +363,10 @@ def refusal(change: tuple[str, str], folder: Path) -> str:
 
 @pytest.mark.usefixtures("trusted")
 @pytest.mark.parametrize(("facts", "change"), REFUSED.items())
-def test_what_cannot_be_compared_is_refused_in_one_line(
+def test_robots_that_cannot_be_compared_are_refused_in_one_line(
     facts: str, change: tuple[str, str], tmp_path: Path
 ) -> None:
-    """With the file's name, and what would help."""
+    """With the name of the file and the remedy."""
     message = refusal(change, tmp_path)
     assert message.startswith("mybot.xml: ")
     assert unnamed(facts, message) == []

@@ -118,8 +118,7 @@ SECOND = '<child link="bob"/>'
 # Facts of the refusal: text of the file with link `arm` or body `b`.
 URDFS = {
     "link 'arm' base leg": URDF.replace('"arm"', '"leg"'),
-    "link 'arm' 'bob'":
-        URDF.replace('"fixed"', '"continuous"'),
+    "link 'arm' 'bob'": URDF.replace('"fixed"', '"continuous"'),
     "XML~parse~error": "<robot>",
     "URDF <mujoco> <robot>": "<mujoco/>",
     "'value'": URDF.replace('"0.8"', '"heavy"'),
@@ -128,26 +127,22 @@ URDFS = {
     "'arm' mass 0~kg": URDF.replace('"0.8"', '"0"'),
     "URDF multiple~parents": URDF.replace(SECOND, '<child link="arm"/>'),
     "URDF parent child missing": URDF.replace(SECOND, '<child link="bab"/>'),
-}  # fmt: skip
+}
 NAMED = "".join(f'<body name="n{i}"><geom size="1"/></body>' for i in range(30))
 NAN = mjcf('<body pos="nan 0 0"><geom size="1"/></body>')
 MJCFS = {
     # MuJoCo reads these as missing, or as an angle of zero.
     "model.xml pos 'nan~0~0'": NAN,
-    "euler 'inf~0~0'":
-        mjcf('<body euler="inf 0 0"><geom size="1"/></body>'),
+    "euler 'inf~0~0'": mjcf('<body euler="inf 0 0"><geom size="1"/></body>'),
     "mass '-NaN'": mjcf("<geom size='1' mass='-NaN'/>"),
-    "density 'Infinity'":
-        mjcf(before='<default><geom density="Infinity"/></default>'),
-    "inside.xml pos 'nan~0~0'":
-        '<mujoco><include file="parts/inside.xml"/></mujoco>',
-    "body 'b' 'c'":
-        mjcf('<body name="c"><joint/><geom size="1"/></body>'),
+    "density 'Infinity'": mjcf(before='<default><geom density="Infinity"/></default>'),
+    "inside.xml pos 'nan~0~0'": '<mujoco><include file="parts/inside.xml"/></mujoco>',
+    "body 'b' 'c'": mjcf('<body name="c"><joint/><geom size="1"/></body>'),
     "body 'b' mass": mjcf().replace('mass="1"', 'mass="0"'),
     "XML~parse~error": "<mujoco>",
     "unrecognized~attribute": mjcf(f'<geom {"k" * 4000}="1"/>'),
     "body 'b' 31 c n0": mjcf(NAMED).replace('"b"', '"c"'),
-}  # fmt: skip
+}
 
 
 def refusal(body: tuple[str, str], text: str, folder: Path) -> str:

@@ -18,6 +18,7 @@ from validation import compare
 from validation.plots import momentum_picture, path_picture, sheet_of
 
 FIG12 = rb.load_scene("fig12")
+OFF_LABEL = "Off, as it comes"  # with default settings
 
 
 @pytest.fixture
@@ -38,8 +39,8 @@ def test_an_engine_is_compared_with_the_equations() -> None:
     assert agreement.path_error == pytest.approx(ERROR, rel=1e-9)
     assert (agreement.momentum_error, agreement.agrees) == (0, True)
     for draw, names in (
-        (path_picture, ["equations", "Off, as it comes", "start"]),
-        (momentum_picture, ["Off, as it comes"]),
+        (path_picture, ["equations", OFF_LABEL, "start"]),
+        (momentum_picture, [OFF_LABEL]),
     ):
         axes = draw(sheet_of([agreement])).axes[0]
         assert axes.get_legend_handles_labels()[1] == names
@@ -62,8 +63,9 @@ def test_an_engine_is_found_by_its_entry_point(robotball: Robotball, tmp_path: P
     assert record["path_error"] == pytest.approx(ERROR, rel=1e-9)
     assert ",Off," in (tmp_path / "t.csv").read_text()
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "fig12-off-as-it-comes-path.png", "fig12-off-as-it-comes-momentum.png",
-    }  # fmt: skip
+        "fig12-off-as-it-comes-path.png",
+        "fig12-off-as-it-comes-momentum.png",
+    }
 
 
 @pytest.mark.usefixtures("installed")

@@ -146,9 +146,9 @@ def test_the_estimate_and_the_next_step_follow_from_two_steps(
 FIRST = 2.295e-13  # rtol of the cost model for fig12 and an error of 1e-10
 
 
-@pytest.mark.parametrize(("lost", "seen"), [(0.0, 1.0), (0.01, 1.163)])
+@pytest.mark.parametrize(("lost", "overestimate"), [(0.0, 1.0), (0.01, 1.163)])
 def test_a_second_rtol_corrects_the_first(
-    monkeypatch: pytest.MonkeyPatch, lost: float, seen: float
+    monkeypatch: pytest.MonkeyPatch, lost: float, overestimate: float
 ) -> None:
     """If the first run has 3 times the requested error, the second has 0.9 times.
 
@@ -162,7 +162,7 @@ def test_a_second_rtol_corrects_the_first(
     )
     motion = reach(FIG12, FIG12.times, 1e-10)
     looser = [] if lost else [300 * FIRST]
-    second = FIRST * (0.3 / seen) ** (1 / 0.85)
+    second = FIRST * (0.3 / overestimate) ** (1 / 0.85)
     assert sizes[2:] == pytest.approx([*looser, FIRST, second], rel=5e-3)
     assert motion.report.estimated_error == pytest.approx(0.9e-10, rel=5e-3)
 

@@ -38,9 +38,14 @@ def times_mass(factor: float) -> rb.Scene:
 RESISTING, SLOPE = Friction(rolling=0.01), (np.sin(0.1), 0.0, -np.cos(0.1))
 # A user's file may have a shell and nothing else.
 ALONE = robot(
-    "alone", Ball(thin_shell(0.2, 1.0)), "classical", [], (1.0, 0.3, 0.2, 0.1),
-    (1.0, 3.0, 2.0), gravity_direction=SLOPE,
-)  # fmt: skip
+    "alone",
+    Ball(thin_shell(0.2, 1.0)),
+    "classical",
+    [],
+    (1.0, 0.3, 0.2, 0.1),
+    (1.0, 3.0, 2.0),
+    gravity_direction=SLOPE,
+)
 SCENES = {
     **{name: worked(name) for name in ("W1", "W2", "W4", "W5")},
     "light": times_mass(1e-6),
@@ -204,9 +209,15 @@ def test_resistance_to_rolling_holds_a_ball_at_rest(
     """
     ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), (Hinge(Frame(0.5, 0.002 * np.eye(3))),))
     scene = robot(
-        "held", ball, "classical", [0.0], (1.0, 0.0, 0.0, 0.0), (0.0, omega, 0.0),
-        gravity_direction=(np.sin(slope), 0.0, -np.cos(slope)), friction=Friction(rolling=0.004),
-    )  # fmt: skip
+        "held",
+        ball,
+        "classical",
+        [0.0],
+        (1.0, 0.0, 0.0, 0.0),
+        (0.0, omega, 0.0),
+        gravity_direction=(np.sin(slope), 0.0, -np.cos(slope)),
+        friction=Friction(rolling=0.004),
+    )
     times = np.linspace(0.0, 5.0, 11)
     motion = rb.simulate(scene, times, settings=replace(rb.preset(preset), max_steps=10_000))
     assert motion.report.faults == ()

@@ -170,8 +170,12 @@ def test_a_run_is_sound_inside_its_limit_and_fails_beyond(name: str) -> None:
 
 
 SOFT: dict[str, Any] = {
-    **SLOW, "noslip_iterations": 0, "solver": "Newton", "iterations": 50, "solreffriction": None,
-}  # fmt: skip
+    **SLOW,
+    "noslip_iterations": 0,
+    "solver": "Newton",
+    "iterations": 50,
+    "solreffriction": None,
+}
 FINE = {"timestep": 1e-3}
 
 

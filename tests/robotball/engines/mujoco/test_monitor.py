@@ -61,11 +61,17 @@ def test_a_failing_run_reports_its_faults(name: str) -> None:
 @pytest.mark.parametrize(
     ("preset", "frequency", "off"),
     [
-        ("fast", 50.0, True), ("fast", 100.0, True), ("fast", 150.0, True), ("fast", 200.0, True),
-        ("balanced", 200.0, True), ("balanced", 400.0, True), ("balanced", 199.0, True),
-        ("balanced", 7.0, False), ("fast", 7.0, False),
+        ("fast", 50.0, True),
+        ("fast", 100.0, True),
+        ("fast", 150.0, True),
+        ("fast", 200.0, True),
+        ("balanced", 200.0, True),
+        ("balanced", 400.0, True),
+        ("balanced", 199.0, True),
+        ("balanced", 7.0, False),
+        ("fast", 7.0, False),
     ],
-)  # fmt: skip
+)
 def test_a_drive_that_steps_alias_to_a_constant_is_a_fault(
     preset: str, frequency: float, off: bool
 ) -> None:

@@ -78,10 +78,10 @@ def test_each_parallel_run_equals_a_single_run(case: str, monkeypatch: pytest.Mo
     with at_most(1 if case in HERE else 2):
         motions = [*rb.simulate_many(scene, starts, times, settings=settings, progress=done.append)]
     assert done == [0.2, 0.4, 0.6, 0.8, 1.0]
-    alone = [rb.simulate(replace(scene, start=each), times, settings=settings) for each in starts]
+    alone = [rb.simulate(replace(scene, start=item), times, settings=settings) for item in starts]
     check_same(motions, alone)
-    lengths = [len(each.times) for each in motions]
-    faulty = sum(bool(each.report.faults) for each in motions)
+    lengths = [len(item.times) for item in motions]
+    faulty = sum(bool(item.report.faults) for item in motions)
     if "some" in case:
         assert 0 < faulty < 5
         assert min(lengths) < max(lengths)
@@ -131,7 +131,7 @@ def test_closing_the_iterator_cancels_queued_runs(monkeypatch: pytest.MonkeyPatc
 def test_a_long_run_in_parts_equals_a_single_run() -> None:
     """6000 steps in two parts; sample times are not multiples of the step."""
     times, starts = np.linspace(0.0, 30.0, 77), starts_of(FIG12, 2)
-    alone = [rb.simulate(replace(FIG12, start=each), times) for each in starts]
+    alone = [rb.simulate(replace(FIG12, start=start), times) for start in starts]
     check_same([*rb.simulate_many(FIG12, starts, times)], alone)
 
 
@@ -159,7 +159,7 @@ def test_any_engine_runs_many_starts() -> None:
     """The multibody engine runs them one by one; an empty list gives no motions."""
     starts, times = starts_of(FIG12, 2), np.linspace(0.0, 0.5, 6)
     motions = [*rb.simulate_many(FIG12, starts, times, engine="multibody")]
-    assert [each.scene.start for each in motions] == starts
+    assert [motion.scene.start for motion in motions] == starts
     assert [*rb.simulate_many(FIG12, [], times)] == []
 
 
@@ -171,7 +171,7 @@ def test_a_start_that_is_predicted_to_fail_gives_a_warning() -> None:
     times = np.linspace(0.0, 0.1, 6)
     fast = replace(FIG12.start, momentum=10 * FIG12.start.momentum)
     starts = [FIG12.start, fast, *starts_of(FIG12, 2)]
-    scenes = [replace(FIG12, start=each) for each in (FIG12.start, fast)]
+    scenes = [replace(FIG12, start=start) for start in (FIG12.start, fast)]
     scenes[0] = replace(scenes[0], name="other")
     for arguments in ({"scene": FIG12, "starts": starts}, {"scene": scenes}):
         with at_most(1), pytest.warns(rb.SceneWarning, match=r"fig12.* needs 26\.9") as caught:

@@ -57,7 +57,7 @@ def test_settings_that_cannot_be_run_are_refused(facts: str, changes: dict[str, 
 
 
 def test_open_fields_come_from_the_recipe_for_a_constant_or_a_varying_load() -> None:
-    """One recipe fills all open fields; the resolved settings have none."""
+    """One recipe fills every open field of the settings."""
     inclined = replace(FIG12, gravity_direction=(np.sin(0.1), 0.0, -np.cos(0.1)))
     for scene in (FIG12, inclined):
         assert for_load(BALANCED, scene) == replace(BALANCED, **CONSTANT)

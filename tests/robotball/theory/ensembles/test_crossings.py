@@ -76,7 +76,7 @@ def test_the_crossings_in_each_direction_make_up_all_crossings() -> None:
 
 
 def test_the_search_stops_at_the_horizon() -> None:
-    """Crossings up to the horizon are those of a longer search; the rest is NaN."""
+    """Crossings up to the horizon equal the crossings of a longer search; the rest is NaN."""
     attitudes, momenta = spread_starts(3, ORBITS, g=1.0)
     whole = crossings_of(REGULAR, attitudes, momenta)[0]
     horizon = float(np.median(whole[:, -1]))

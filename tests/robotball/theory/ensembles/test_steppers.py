@@ -47,8 +47,8 @@ def test_verners_numbers_satisfy_the_conditions_of_their_order(
     Evaluated in fractions, so only the rounding of the coefficients remains.
     """
     rows = [(*row, *[0.0] * (16 - len(row))) for row in ((), *STAGES)]
-    A = np.array([[Fraction(each) for each in row] for row in rows])
-    c, b = A.sum(axis=1), np.array([Fraction(each) for each in weights])
+    A = np.array([[Fraction(number) for number in row] for row in rows])
+    c, b = A.sum(axis=1), np.array([Fraction(number) for number in weights])
     gaps = np.array([b @ c**k - Fraction(1, k + 1) for k in range(order + 1)])
     assert np.abs(gaps[:-1]).max() < 2e-15  # 1.3e-15
     assert abs(gaps[-1]) > 1e-6

@@ -92,9 +92,14 @@ def test_a_held_ball_that_starts_to_roll_does_not_make_the_equations_stiff() -> 
     swinging = Sine(amplitude=20.0, frequency=0.3)
     ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), (Hinge(Frame(0.5, 0.002 * np.eye(3))),))
     scene = robot(
-        "swinging", ball, "classical", [swinging], (1.0, 0.3, 0.2, 0.1),
-        gravity_direction=(np.sin(0.01), 0.0, -np.cos(0.01)), friction=Friction(rolling=0.004),
-    )  # fmt: skip
+        "swinging",
+        ball,
+        "classical",
+        [swinging],
+        (1.0, 0.3, 0.2, 0.1),
+        gravity_direction=(np.sin(0.01), 0.0, -np.cos(0.01)),
+        friction=Friction(rolling=0.004),
+    )
     motion = integrate(scene, np.array([0.0, 1.1, 1.3]), max_steps=20_000)
     assert np.abs(motion.contact_point[1]).max() < 1e-15
     assert np.linalg.norm(motion.contact_point[2]) > 1e-5

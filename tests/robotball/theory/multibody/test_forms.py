@@ -109,10 +109,10 @@ def growths(scene: rb.Scene, theory: rb.Motion) -> dict[str, float]:
         replace(start, attitude=multiply(np.eye(4)[0] + turn, start.attitude)) for turn in turns
     ]
     grown = [
-        differences(rb.integrate(replace(scene, start=each), theory.times), theory)
-        for each in starts
+        differences(rb.integrate(replace(scene, start=item), theory.times), theory)
+        for item in starts
     ]
-    return {name: max(each[name] for each in grown) / near for name in grown[0]}
+    return {name: max(item[name] for item in grown) / near for name in grown[0]}
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Readings of a state in the equations of any robot: torques, checked by their work."""
+"""Readings of a state in the equations of any robot: torques, checked with their work."""
 
 import numpy as np
 import pytest

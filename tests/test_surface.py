@@ -26,25 +26,25 @@ KEYWORDS = ("settings", "engine", "accuracy", "strict", "progress", "device", "t
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_public_function_has_the_parameters_of_the_others(name: str) -> None:
-    """A scene or a path is also a str; choices are keywords."""
-    for key, each in inspect.signature(FUNCTIONS[name]).parameters.items():
-        annotation = str(each.annotation)
+def test_public_functions_have_consistent_parameters(name: str) -> None:
+    """A scene or a path may be a str; options are keyword-only."""
+    for key, parameter in inspect.signature(FUNCTIONS[name]).parameters.items():
+        annotation = str(parameter.annotation)
         if key == "scene" or "Path" in annotation:
             assert {"str", "Path"} <= {*re.findall(r"\w+", annotation)}
         if key in KEYWORDS:
-            assert each.kind is inspect.Parameter.KEYWORD_ONLY, key
+            assert parameter.kind is inspect.Parameter.KEYWORD_ONLY, key
 
 
 @pytest.mark.parametrize("times", [0.5, 1, np.float32(0.5), [0.0, 0.1, 0.2], (0, 1)])
 def test_times_are_a_duration_or_an_array(times: Any) -> None:
     """A duration of 0.5 s gives the sample times from 0 to 0.5 s."""
-    wanted = rb.sample_times(float(times)) if np.ndim(times) == 0 else np.array(times, float)
-    assert (rb.integrate(SCENE, times).times == wanted).all()
+    expected = rb.sample_times(float(times)) if np.ndim(times) == 0 else np.array(times, float)
+    assert (rb.integrate(SCENE, times).times == expected).all()
     (motion,) = rb.simulate_many(SCENE, [SCENE.start], times, settings="fast")
-    for each in (rb.simulate(SCENE, times, settings="fast"), motion):
-        assert (each.times == wanted).all()
-    assert (rb.compare(SCENE, times, settings="fast").theory.times == wanted).all()
+    for run in (rb.simulate(SCENE, times, settings="fast"), motion):
+        assert (run.times == expected).all()
+    assert (rb.compare(SCENE, times, settings="fast").theory.times == expected).all()
 
 
 def test_a_preset_in_place_of_times_is_refused_with_the_keyword() -> None:
@@ -54,10 +54,10 @@ def test_a_preset_in_place_of_times_is_refused_with_the_keyword() -> None:
         rb.simulate("fig12", 1.0, "fast")  # type: ignore[call-arg]
 
 
-def test_a_scene_is_a_name_or_a_path_wherever_a_function_takes_one(
+def test_every_function_takes_a_scene_as_a_name_or_a_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With the result of the loaded scene; a name that is none is refused by each."""
+    """With the same result as for the loaded scene; each refuses an unknown name."""
     monkeypatch.chdir(tmp_path)
     text = rb.scene_toml("fig12")
     Path("fig12.toml").write_text(text)
@@ -90,24 +90,24 @@ def test_a_scene_is_a_name_or_a_path_wherever_a_function_takes_one(
 
 
 def arrays_in(value: Any, name: str) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
-    """The arrays of a record, and of the records, tuples and mappings in it."""
+    """Yield the arrays of a record and of the records, tuples and mappings in it."""
     if isinstance(value, np.ndarray):
         yield name, value
     elif is_dataclass(value):
-        for each in fields(value):
-            yield from arrays_in(getattr(value, each.name), f"{name}.{each.name}")
+        for field in fields(value):
+            yield from arrays_in(getattr(value, field.name), f"{name}.{field.name}")
     elif isinstance(value, list | tuple):
-        for i, each in enumerate(value):
-            yield from arrays_in(each, f"{name}[{i}]")
+        for i, item in enumerate(value):
+            yield from arrays_in(item, f"{name}[{i}]")
     elif isinstance(value, Mapping):
-        for key, each in value.items():
-            yield from arrays_in(each, f"{name}[{key}]")
+        for key, item in value.items():
+            yield from arrays_in(item, f"{name}[{key}]")
 
 
-def test_no_array_of_a_public_record_can_be_written(
+def test_arrays_of_public_records_are_read_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A record was checked when it was made; an array that a user gave stays the user's."""
+    """Records are checked when they are created; arrays of the user are copied."""
     monkeypatch.chdir(tmp_path)
     times = np.linspace(0.0, 0.5, 26)
     theory = rb.integrate("pendulum_robot", times)
@@ -124,13 +124,13 @@ def test_no_array_of_a_public_record_can_be_written(
         "equilibria": rb.equilibria("fig06"),
         "agreement": rb.compare("fig12", 0.1),
     }
-    found = [each for name, record in records.items() for each in arrays_in(record, name)]
-    assert len(found) > 100
-    assert [name for name, array in found if array.flags.writeable] == []
+    arrays = [item for name, record in records.items() for item in arrays_in(record, name)]
+    assert len(arrays) > 100
+    assert [name for name, array in arrays if array.flags.writeable] == []
     times[:] = 0.0
     assert theory.times[-1] == 0.5
 
 
-def test_several_scenes_may_be_names() -> None:
+def test_simulate_many_takes_names_of_scenes() -> None:
     one, other = rb.simulate_many(["fig12", "fig14"], None, 0.1, settings="fast")
     assert (one.scene.name, other.scene.name) == ("fig12", "fig14")

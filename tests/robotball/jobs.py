@@ -1,4 +1,4 @@
-"""Jobs for other processes, which import this file and so start quickly."""
+"""Jobs for other processes, which start quickly because they import only this file."""
 
 import os
 import sys

@@ -161,28 +161,28 @@ PLANTED: Mapping[str, Planted] = {
 def fitted(planted: Planted, seed: int = 0, also: tuple[str, ...] = ()) -> tuple[rb.Fit, float]:
     """Return the fit of a log, and its largest error in deviations."""
     noise = {name: NOISE[name] for name in planted.sensors}
-    found = rb.fit(
+    result = rb.fit(
         planted.robot, [planted.log(seed)], planted.free, circumstances=also, noise=noise
     )
     known = numbers_of(planted.robot).known
     off = [
         abs(estimate.value - known[estimate.name].value) / estimate.deviation
-        for estimate in found.found
+        for estimate in result.found
     ]
-    return found, max(off)
+    return result, max(off)
 
 
-def named(found: rb.Fit, names: tuple[str, ...]) -> list[str]:
+def named(result: rb.Fit, names: tuple[str, ...]) -> list[str]:
     """Return the lines that name one of the circumstances."""
-    return [line for line in found.influences if any(name in line for name in names)]
+    return [line for line in result.influences if any(name in line for name in names)]
 
 
 @pytest.mark.study
 @pytest.mark.parametrize("case", PLANTED)
 def test_a_wrong_number_is_always_accompanied_by_a_report(case: str) -> None:
     """The log is not explained, the numbers are right, or a line names the planted circumstance."""
-    found, off = fitted(PLANTED[case])
-    assert not found.explains or off < 3 or named(found, PLANTED[case].names)
+    result, off = fitted(PLANTED[case])
+    assert not result.explains or off < 3 or named(result, PLANTED[case].names)
 
 
 LATE = PLANTED["a clock 10 ms late, another robot"]
@@ -191,10 +191,10 @@ LATE = PLANTED["a clock 10 ms late, another robot"]
 @pytest.mark.slow
 def test_a_late_clock_visible_in_the_readings_is_reported_with_its_amount() -> None:
     """The gain is 35 deviations off in an explained log; with the clock freed it is correct."""
-    found, off = fitted(LATE)
-    assert found.explains
+    result, off = fitted(LATE)
+    assert result.explains
     assert off > 20  # measured 35
-    (line,) = named(found, CLOCK)
+    (line,) = named(result, CLOCK)
     assert line.startswith("run.csv: sensors.clock seems to be ")
     assert line.endswith("add --also sensors.clock")
     amount, deviation, _, gain, _ = map(float, re.findall(r"\d[\d.e-]*", line))
@@ -206,27 +206,27 @@ def test_a_late_clock_visible_in_the_readings_is_reported_with_its_amount() -> N
 @pytest.mark.slow
 def test_a_late_clock_that_the_readings_do_not_exclude_is_reported() -> None:
     """The gain is 18 deviations off; the log alone cannot show whether the clock is the cause."""
-    found, off = fitted(PLANTED["a clock 10 ms late"])
-    assert found.explains
+    result, off = fitted(PLANTED["a clock 10 ms late"])
+    assert result.explains
     assert off > 10  # measured 18
-    (line,) = named(found, CLOCK)
+    (line,) = named(result, CLOCK)
     assert "sensors.clock is assumed 0, but may be " in line
     assert line.endswith("measure it, or add --also sensors.clock")
     amount, change, *_ = map(float, re.findall(r"\d[\d.e-]*", line.partition("be ")[2]))
     # Measured 0.017 s and 0.033; the gain is 0.0217 off.
     assert 0.01 < amount <= 0.02
-    assert change > abs(found.found[0].value - 0.4)
+    assert change > abs(result.found[0].value - 0.4)
     # A gyro bias is plausible, but the readings exclude one large enough to matter.
-    assert not named(found, ("gyro.bias", "world.yaw", "world.origin"))
+    assert not named(result, ("gyro.bias", "world.yaw", "world.origin"))
 
 
 @pytest.mark.slow
 def test_freeing_the_clock_corrects_the_numbers() -> None:
     """The first reading, before the start of the motion, is explained, too."""
-    found, off = fitted(PLANTED["a clock 10 ms late"], also=CLOCK)
-    assert found.explains
+    result, off = fitted(PLANTED["a clock 10 ms late"], also=CLOCK)
+    assert result.explains
     assert off < 3  # measured 0.1, with a deviation six times as large
-    (clock,) = found.of_logs
+    (clock,) = result.of_logs
     assert abs(clock.value - 0.01) < 3 * clock.deviation  # measured 0.2
     assert clock.deviation < 0.005  # measured 0.0033
 

@@ -80,13 +80,13 @@ def test_as_many_threads_run_as_are_allowed_and_useful(most: int, at_once: int) 
 )
 def test_the_digits_are_the_same_at_any_number_of_threads(work: Callable[[], Any]) -> None:
     """13 starts, so the last lanes are empty; compared to the last bit."""
-    found = []
+    results = []
     for count in (1, 3, 16):
         with at_most(count):
-            found.append(list(work()))
-    assert found[0]
-    for other in found[1:]:
-        for one, same in zip(found[0], other, strict=True):
+            results.append(list(work()))
+    assert results[0]
+    for other in results[1:]:
+        for one, same in zip(results[0], other, strict=True):
             assert np.array_equal(one, same, equal_nan=True)
 
 
@@ -113,12 +113,12 @@ def test_an_error_in_a_thread_is_raised_and_ends_the_others() -> None:
 def test_results_come_in_the_order_of_the_jobs(most: int, least: int, count: int) -> None:
     """From processes with one thread each, or from this process if there are few jobs."""
     with at_most(most):
-        found = list(in_processes(late, range(7), least))
-    assert [job for job, _, _ in found] == list(range(7))
-    processes = {process for _, process, _ in found}
+        results = list(in_processes(late, range(7), least))
+    assert [job for job, _, _ in results] == list(range(7))
+    processes = {process for _, process, _ in results}
     assert len(processes) == count
     assert (os.getpid() in processes) == (count == 1)
-    assert {threads for _, _, threads in found} == {1 if count > 1 else most}
+    assert {threads for _, _, threads in results} == {1 if count > 1 else most}
 
 
 @pytest.mark.parametrize("most", [1, 2])
@@ -138,9 +138,9 @@ def test_jobs_that_cannot_be_pickled_are_done_here(can: bool) -> None:
     """All of them if one cannot be pickled; otherwise each is pickled once."""
     jobs = [Parcel(0, True), Parcel(1, can)]
     with at_most(2):
-        found = [*in_processes(opened, jobs, or_here=True)]
-    assert [number for number, _ in found] == [0, 1]
-    assert {process == os.getpid() for _, process in found} == {not can}
+        results = [*in_processes(opened, jobs, or_here=True)]
+    assert [number for number, _ in results] == [0, 1]
+    assert {process == os.getpid() for _, process in results} == {not can}
     assert [job.times for job in jobs] == [1, 1]
 
 

@@ -334,13 +334,13 @@ def test_any_setting_is_accepted_or_refused_in_one_short_line(name: str) -> None
 
 def test_numbers_of_numpy_are_accepted_as_settings() -> None:
     """They are stored as Python numbers, which JSON accepts."""
-    given: dict[str, Any] = {
+    values: dict[str, Any] = {
         "timestep": np.float64(0.01), "solref": np.array([0.04, 1.0]), "iterations": np.int64(3),
         "condim": 3.0, "sliding_friction": 10**30,
     }  # fmt: skip
-    plain = changed(**given).plain()
-    assert [plain[name] for name in given] == [0.01, [0.04, 1.0], 3, 3, 1e30]
-    assert [type(plain[name]) for name in given] == [float, list, int, int, float]
+    plain = changed(**values).plain()
+    assert [plain[name] for name in values] == [0.01, [0.04, 1.0], 3, 3, 1e30]
+    assert [type(plain[name]) for name in values] == [float, list, int, int, float]
 
 
 def test_a_message_is_short_for_any_length_of_its_parts() -> None:

@@ -16,20 +16,24 @@ def misfits(section: str, record: Any) -> set[str]:
     Null and empty lists have no keys. Keys with `if` or `where` in their meaning are optional.
     """
     table = PAGE.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
-    rows = [(key, said) for keys, said in ROW.findall(table) for key in re.findall("`(.+?)`", keys)]
+    rows = [
+        (key, meaning)
+        for keys, meaning in ROW.findall(table)
+        for key in re.findall("`(.+?)`", keys)
+    ]
     paths = dict(_paths(record))
     empty = [path for path, value in paths.items() if value in (None, [], {})]
-    found = {key: _matching(key, paths) for key, _ in rows}
+    matches = {key: _matching(key, paths) for key, _ in rows}
     above = {
-        key: {path for part in _above(key) for path in _matching(part, empty)} for key in found
+        key: {path for part in _above(key) for path in _matching(part, empty)} for key in matches
     }
     lost = {
         key
-        for key, said in rows
-        if not found[key] and not above[key] and not re.search(r"\b(if|where)\b", said)
+        for key, meaning in rows
+        if not matches[key] and not above[key] and not re.search(r"\b(if|where)\b", meaning)
     }
     versions = {path for path in paths if path.startswith("versions.")}
-    return {*paths}.difference(versions, *found.values(), *above.values()) | lost
+    return {*paths}.difference(versions, *matches.values(), *above.values()) | lost
 
 
 def _above(key: str) -> Iterator[str]:
@@ -50,10 +54,10 @@ def _pattern(key: str) -> str:
 def _paths(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the paths of the values that are neither objects nor lists of objects."""
     if isinstance(value, dict) and value:
-        for key, each in value.items():
-            yield from _paths(each, f"{path}.{key}".removeprefix("."))
+        for key, item in value.items():
+            yield from _paths(item, f"{path}.{key}".removeprefix("."))
     elif isinstance(value, list) and value and isinstance(value[0], dict):
-        for each in value:
-            yield from _paths(each, f"{path}[]" if path else "")
+        for item in value:
+            yield from _paths(item, f"{path}[]" if path else "")
     else:
         yield path, value

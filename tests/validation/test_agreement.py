@@ -92,14 +92,14 @@ def test_agreement_needs_the_momentum_as_well_as_the_path() -> None:
 def test_an_agreement_limited_by_the_reference_says_so() -> None:
     """A path error below three times the reference error may be the reference's error."""
     theory = rb.integrate(SCENE, rtol=1e-9)
-    own = theory.reference_error
-    assert 6e-10 < own < 3e-9  # measured 1.2e-9
+    reference_error = theory.reference_error
+    assert 6e-10 < reference_error < 3e-9  # measured 1.2e-9
     for error, verdict in ((2.9, "agrees, limited by the reference"), (3.1, "agrees")):
         contact_point = theory.contact_point.copy()
-        contact_point[100, 0] += error * own * theory.path_scale
+        contact_point[100, 0] += error * reference_error * theory.path_scale
         motion = as_contact(theory, SOUND, contact_point=contact_point)
         agreement = Agreement(theory, motion)
-        assert agreement.reference_error == own
+        assert agreement.reference_error == reference_error
         assert agreement.verdict == verdict
         assert agreement.agrees
     assert Agreement(motion, motion).reference_error is None  # this reference has no estimate

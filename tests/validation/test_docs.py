@@ -76,7 +76,7 @@ SAID = {
 @pytest.mark.parametrize("page", SAID)
 def test_printed_numbers_are_the_numbers_of_the_studies(page: str) -> None:
     """Numbers agree to the last digit."""
-    assert [words for words in SAID[page] if words not in PAGES[page]] == []
+    assert [sentence for sentence in SAID[page] if sentence not in PAGES[page]] == []
 
 
 def test_the_page_has_the_law_of_each_limit() -> None:
@@ -85,10 +85,10 @@ def test_the_page_has_the_law_of_each_limit() -> None:
 
 
 def test_the_studies_are_those_of_today() -> None:
-    """As many configurations and cells as the program has; what is said of them in words is so."""
+    """Numbers of configurations and cells agree with the program, and statements in words hold."""
     assert len(configurations()) == COST["configurations"]
-    assert sum(len(cells_of(each)) for each in MAPS.values()) == EXTREMES["runs"]
-    assert sum(sum(each.values()) for each in EXTREMES["outcomes"].values()) == EXTREMES["runs"]
+    assert sum(len(cells_of(item)) for item in MAPS.values()) == EXTREMES["runs"]
+    assert sum(sum(item.values()) for item in EXTREMES["outcomes"].values()) == EXTREMES["runs"]
     assert outcomes_table(EXTREMES["outcomes"]) in DOCS["extremes.md"]
     assert len(re.findall(OUTCOMES, DOCS["extremes.md"], re.DOTALL)) == 1
     # "none is missed by both", "none was missed", "no alarm was false".
@@ -125,8 +125,9 @@ def test_the_docs_have_the_demos_table(
     assert said.index("Predicted before the runs:") > said.index("adaptive")
     ((off, near),) = re.findall(
         r"as it comes leaves the path: (\d+) m off after 10 s; robotball's settings: (\S+) m\."
-        r"  open demo/demo\.html\n$", said,
-    )  # fmt: skip
+        r"  open demo/demo\.html\n$",
+        said,
+    )
     assert [float(off), float(near)] == pytest.approx([24, 6e-8], rel=0.2)
     html = (tmp_path / "demo" / "demo.html").read_text(encoding="utf-8")
     assert (html.count("<video"), html.count('class="views"')) == (1, 2)
@@ -142,7 +143,7 @@ def test_the_docs_have_the_demos_table(
         # With *adaptive* both errors are rounding; the limit is three times that. The error of
         # classical_regular is 2.0 to 5.3 times the reference error with the kernels of OpenBLAS.
         ends = [
-            re.sub(r"[\d.]+ s|, limited by the reference", "", each[5]) for each in (theirs, ours)
+            re.sub(r"[\d.]+ s|, limited by the reference", "", row[5]) for row in (theirs, ours)
         ]
         assert ends[0] == ends[1]
     (slipped,) = re.findall(r"slipped .*? at t = ([\d.]+) s", shown[0][5])
@@ -202,13 +203,13 @@ PRINTED = {
 }
 
 
-def test_a_printed_command_is_one() -> None:
-    """Its name, options and values are known; so are those of the examples in `--help`."""
+def test_printed_commands_are_valid() -> None:
+    """Names, options and values are known, also in the examples of `--help`."""
     assert {"demo", "study convergence fig12", "report fig12", "export fig12 --out ball"} <= PRINTED
     examples = {example(name) for name in COMMANDS}
     assert all(example(name).startswith(name) for name in COMMANDS)
-    for each in PRINTED | examples:
-        assert parse(each.split())
+    for command in PRINTED | examples:
+        assert parse(command.split())
     for name in COMMANDS:
         assert re.search(rf"\b{name}\b", DOCS["commands.md"]), name
 
@@ -242,7 +243,7 @@ def test_the_robot_of_the_data_sheet_has_the_printed_numbers() -> None:
     """Path, error, loads and speed agree to the digits shown, also after a jump of the supply."""
     page, text = PAGES["datasheet.md"], DOCS["datasheet.md"].split("```")[1].removeprefix("toml")
     jump = re.sub("(?m)^supply = .*$", "supply = -1.0", text)
-    scene, jumping = (read_scene(Path("my_robot.toml"), each) for each in (text, jump))
+    scene, jumping = (read_scene(Path("my_robot.toml"), toml) for toml in (text, jump))
     agreement, turned = compare(scene), rb.integrate(jumping)
     theory, error = agreement.theory, agreement.path_error
     (shown,) = re.findall(rf"off by (\S+) of its {theory.path_length:.1f} m", page)

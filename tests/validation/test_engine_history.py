@@ -43,7 +43,11 @@ Version 3.1.1 (Mar 18, 2024)
 def test_versions_are_selected_by_the_beginning_of_their_name() -> None:
     """By default the last patch of each minor version is used; 3.1 does not match 3.10."""
     assert last_patches(VERSIONS) == ["2.3.1.post1", "3.1.2", "3.9.1", "3.10.0"]
-    assert [places_of(VERSIONS, each) for each in ("3.1", "3.9", "2.3.0")] == [[2], [3, 4], [0]]
+    assert [places_of(VERSIONS, beginning) for beginning in ("3.1", "3.9", "2.3.0")] == [
+        [2],
+        [3, 4],
+        [0],
+    ]
     with pytest.raises(rb.InputError, match=naming("'3.99'")):
         places_of(VERSIONS, "3.99")
 
@@ -135,7 +139,7 @@ def test_each_change_is_found_among_the_releases_between(
     names: tuple[str, str], changes: int
 ) -> None:
     """The search covers all releases between the two named versions, in either order."""
-    numbers = {each: 1e-9 if each in ("3.9.1", "3.10.0") else 7e-6 for each in VERSIONS}
+    numbers = {version: 1e-9 if version in ("3.9.1", "3.10.0") else 7e-6 for version in VERSIONS}
     some = searched(VERSIONS, *names)
 
     def row(i: int) -> Row:

@@ -27,7 +27,7 @@ def test_a_miss_is_an_error_without_a_warning() -> None:
         changed(actual=None, estimated=None),
         replace(HONEST, record=None, failure="took longer than 300 s"),
     ]
-    assert [missed(each) for each in (miss, *others)] == [True] + 5 * [False]
+    assert [missed(run) for run in (miss, *others)] == [True] + 5 * [False]
     counts, ratios, listed = lines([miss, *others])
     assert counts == "5 balls: 1 warned, 1 with a fault, 1 missed"
     assert ratios == "actual over estimated error: median 2.2, 99 % 2.2, largest 2.2"

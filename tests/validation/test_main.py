@@ -111,7 +111,7 @@ def test_a_signal_ends_the_work_at_any_point(where: str, number: int, tmp_path: 
 @pytest.mark.slow
 @pytest.mark.usefixtures("screen")
 def test_a_film_that_is_interrupted_leaves_nothing(tmp_path: Path) -> None:
-    """Ctrl-C goes to the encoder too, whose end is no error of its own."""
+    """Ctrl-C also ends the encoder, which is not reported as an error."""
     small = ("--resolution", "320x180", "--duration", "6")
     process = start(tmp_path, "-m", "validation", "video", "fig12", *small)
     while not list(tmp_path.glob("out/.*.mp4")):
@@ -187,7 +187,7 @@ FULL = "robotball: the output cannot be written: No space left on device\n"
 def test_a_closed_stream_discards_output(
     tmp_path: Path, streams: str, arguments: str, status: int, error: str
 ) -> None:
-    """The status is the command's own, and no message goes to another stream or file.
+    """The status is the one of the command, and no message goes to another stream or file.
 
     A full disk gives a message and the status 2.
     """

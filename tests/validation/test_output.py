@@ -85,7 +85,7 @@ def test_scenes_with_the_same_name_get_different_names(
 def test_options_that_differ_from_the_default_are_in_the_name(
     command: str, names: str, words: str
 ) -> None:
-    """A word each, in the order of `--help`; one at its default has none."""
+    """In the order of `--help`; options with their default value are left out."""
     function, bound = parse(command.split())
     bound.apply_defaults()
     options = {name: bound.arguments[name] for name in names.split()}
@@ -113,9 +113,14 @@ def test_the_files_and_tables_of_a_study_have_its_rows(
     printed = capsys.readouterr().out
     lines = [line.split() for line in printed.splitlines()]
     assert lines == [
-        ["note"], ["error"], ["name", "[m]"], [printed.splitlines()[3].strip()],
-        ["a[b]", "1.2e-03"], ["c", "-"], ["d", "-"],
-    ]  # fmt: skip
+        ["note"],
+        ["error"],
+        ["name", "[m]"],
+        [printed.splitlines()[3].strip()],
+        ["a[b]", "1.2e-03"],
+        ["c", "-"],
+        ["d", "-"],
+    ]
     assert rows.read_text() == "name,error\na[b],0.0012\nc,\nd,\n"
     assert json.loads(data.read_text())["runs"] == ROWS
     assert picture.read_bytes()[:4] == b"\x89PNG"
@@ -123,17 +128,21 @@ def test_the_files_and_tables_of_a_study_have_its_rows(
     empty = tmp_path / "empty.csv"
     assert present(Study("x", None, ["study"], []), tmp_path / "a.png", None, empty) == [empty]
     assert empty.read_text().strip() == ""
-    sections = table_of(COLUMNS, [{"name": each} for each in "aab"], section="name").rows
+    sections = table_of(COLUMNS, [{"name": letter} for letter in "aab"], section="name").rows
     assert [row.end_section for row in sections] == [False, True, True]
 
 
 @pytest.mark.parametrize(
     ("form", "value", "text"),
     [
-        (".4f", -1e-9, "0.0000"), (".4f", -1e-4, "-0.0001"), (".7g", -0.0, "0"),
-        (".1e", -0.0, "0.0e+00"), (".0%", -1e-4, "0%"), ("d", -3, "-3"),
+        (".4f", -1e-9, "0.0000"),
+        (".4f", -1e-4, "-0.0001"),
+        (".7g", -0.0, "0"),
+        (".1e", -0.0, "0.0e+00"),
+        (".0%", -1e-4, "0%"),
+        ("d", -3, "-3"),
     ],
-)  # fmt: skip
+)
 def test_a_number_that_rounds_to_zero_has_no_sign(form: str, value: float, text: str) -> None:
     """It holds in any format; other numbers keep their sign."""
     assert Column("x", "x", form=form).text({"x": value}) == text
@@ -188,9 +197,9 @@ def test_pictures_show_what_their_axes_say(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         pictures = path_picture(sheet), momentum_picture(sheet)
-        for each in pictures:
-            each.draw_without_rendering()
-    (paths, distance), (errors,) = (each.axes for each in pictures)
+        for picture in pictures:
+            picture.draw_without_rendering()
+    (paths, distance), (errors,) = (picture.axes for picture in pictures)
     (x0, x1), (y0, y1), box = paths.get_xlim(), paths.get_ylim(), paths.get_window_extent()
     assert box.width / (x1 - x0) == pytest.approx(box.height / (y1 - y0), rel=1e-6)
     assert ("constant" in errors.get_title()) == agreement.scene.keeps_momentum
@@ -221,18 +230,18 @@ def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None
     assert box.height < errors.get_position().height / 1.5  # measured 1.3 and 2.7 inches
 
 
-def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off() -> None:
-    """Each has a colour, a dash and a marker of its own; MuJoCo as it comes has MuJoCo's."""
+def test_runs_are_distinguished_without_colour_and_a_cross_marks_an_early_end() -> None:
+    """Each has a different colour, dash and marker; default settings have the colour of MuJoCo."""
     agreements = [compare("fig12", TIMES, settings=name) for name in rb.PRESETS]
-    motions = [agreements[0].theory, *(each.motion for each in agreements)]
-    own, *looks = line_looks(motions)
+    motions = [agreements[0].theory, *(item.motion for item in agreements)]
+    reference_look, *looks = line_looks(motions)
     for part in ("colour", "dash", "marker"):
-        assert len({getattr(each, part) for each in (own, *looks)}) >= len(looks)
+        assert len({getattr(item, part) for item in (reference_look, *looks)}) >= len(looks)
     assert looks[0].colour == LABEL.colour
     # A preset has the same look in every picture.
-    assert [line_looks([each])[0] for each in motions] == [own, *looks]
-    assert line_looks(motions[::-1]) == [own, *looks][::-1]
-    assert len({each.colour for each in line_looks([motions[1], *motions])}) == len(motions) + 1
+    assert [line_looks([item])[0] for item in motions] == [reference_look, *looks]
+    assert line_looks(motions[::-1]) == [reference_look, *looks][::-1]
+    assert len({item.colour for item in line_looks([motions[1], *motions])}) == len(motions) + 1
     mine = replace(rb.preset("naive"), name="mine", stop_at_fault=True)
     broken = Agreement(
         agreements[0].theory, rb.simulate(rb.load_scene("fig12"), TIMES, settings=mine)
@@ -246,12 +255,15 @@ def test_runs_are_told_apart_without_colour_and_a_cross_is_where_one_breaks_off(
 def test_an_engine_and_its_presets_have_one_look_each() -> None:
     """Engines differ in their markers; presets differ in colour, dash and marker."""
     engines = [engine_named(name) for name in engine_names()]
-    assert len({each.label.marker for each in engines}) == len(engines)
+    assert len({engine_item.label.marker for engine_item in engines}) == len(engines)
     for engine in engines:
         unlisted = {*engine.presets} - {*PRESET_LOOKS}
         assert unlisted <= {"naive", "as-it-comes"}, engine.label.name
-        own = (engine.label.colour, (), engine.label.marker)
-        looks = [own, *(PRESET_LOOKS[name] for name in engine.presets if name in PRESET_LOOKS)]
+        engine_look = (engine.label.colour, (), engine.label.marker)
+        looks = [
+            engine_look,
+            *(PRESET_LOOKS[name] for name in engine.presets if name in PRESET_LOOKS),
+        ]
         for part in zip(*looks, strict=True):
             assert len({*part}) == len(looks), engine.label.name
         if engine.label.name != "multibody equations":
@@ -260,8 +272,8 @@ def test_an_engine_and_its_presets_have_one_look_each() -> None:
 
 def test_a_run_that_flies_away_leaves_the_view() -> None:
     """Infinite values and values beyond the reach do not widen the axes."""
-    own = np.array([0.0, 2.0])
-    assert in_view(own, np.array([0.0, 2.0, 3.0, -1e9, np.nan, np.inf]), 4.0) == (-4.0, 3.0)
+    view = np.array([0.0, 2.0])
+    assert in_view(view, np.array([0.0, 2.0, 3.0, -1e9, np.nan, np.inf]), 4.0) == (-4.0, 3.0)
     assert in_view(np.array([np.nan]), np.array([np.nan]), 1.0) == (0.0, 0.0)
 
 
@@ -281,9 +293,9 @@ def test_a_long_title_stays_within_its_picture(length: int) -> None:
 
     Dollars are text.
     """
-    words = ("$5 a robot of $6 rolls " * 20)[:length]
+    title = ("$5 a robot of $6 rolls " * 20)[:length]
     figure = path_picture(
-        replace(sheet_of([compare("fig12", TIMES, settings="fast")]), title=words)
+        replace(sheet_of([compare("fig12", TIMES, settings="fast")]), title=title)
     )
     figure.draw_without_rendering()
     (drawn,), (names,) = figure.texts, figure.legends

@@ -15,23 +15,23 @@ ERRORS = ("path_error", "gamma_error", "momentum_error")
 
 @pytest.mark.parametrize("count", [2, 9])
 def test_a_row_is_the_comparison_at_its_value(count: int) -> None:
-    """Of a setting, here and in processes: to the last bit, in the order of the values."""
+    """To the last bit and in order, in one process and in several."""
     values = np.linspace(0.02, 0.01, count)
-    found = rb.sweep("fig12", "timestep", values, TIMES, settings="fast")
-    assert found["value"].tolist() == values.tolist()
+    table = rb.sweep("fig12", "timestep", values, TIMES, settings="fast")
+    assert table["value"].tolist() == values.tolist()
     last = rb.compare("fig12", TIMES, settings=replace(FAST, timestep=values[-1]))
-    assert [found[name][-1] for name in ERRORS] == [getattr(last, name) for name in ERRORS]
-    assert found["agrees"].all()
+    assert [table[name][-1] for name in ERRORS] == [getattr(last, name) for name in ERRORS]
+    assert table["agrees"].all()
 
 
 def test_a_number_of_the_scene_is_named_by_its_path_or_the_end_of_it() -> None:
-    """The errors are those of the scene with another body."""
+    """The errors equal the errors of a scene with the changed body."""
     shown: list[float] = []
     frame = rb.load_scene("fig12").ball.hinges[0].body
     scene = rb.load_scene("fig12").with_hinges(body={"frame": replace(frame, mass=1.2)})
-    found = rb.sweep("fig12", "frame.mass", [0.8, 1.2], TIMES, settings=FAST, progress=shown.append)
-    assert found["path_error"][1] == rb.compare(scene, TIMES, settings=FAST).path_error
-    assert found["path_error"][0] != found["path_error"][1]
+    table = rb.sweep("fig12", "frame.mass", [0.8, 1.2], TIMES, settings=FAST, progress=shown.append)
+    assert table["path_error"][1] == rb.compare(scene, TIMES, settings=FAST).path_error
+    assert table["path_error"][0] != table["path_error"][1]
     assert shown == [0.5, 1.0]
     assert rb.sweep("fig12", "offset", [], 0.2).parameter == "shell.offset"
 

@@ -14,15 +14,15 @@ pytestmark = pytest.mark.core
 @pytest.mark.parametrize("number", [6, 10, 15, 19, 27, 34])
 def test_no_extreme_run_fails_unreported(number: int) -> None:
     """A path error over 10 % has a warning before or a fault during the run."""
-    each = judged(extreme(7, number))
-    assert (each.failed, bool(each.reported)) == (True, True)
+    outcome = judged(extreme(7, number))
+    assert (outcome.failed, bool(outcome.reported)) == (True, True)
 
 
 @pytest.mark.parametrize("number", [1, 2, 12, 17])
 def test_no_ordinary_run_is_called_wrong(number: int) -> None:
     """Recipe presets on varied catalog balls have no warning and no fault, and agree."""
-    each = judged(ordinary(7, number))
-    assert (each.within, bool(each.reported)) == (True, False)
+    outcome = judged(ordinary(7, number))
+    assert (outcome.within, bool(outcome.reported)) == (True, False)
 
 
 # (robot, preset, duration) of runs that only this check reports
@@ -58,14 +58,14 @@ def test_a_lighter_weight_is_not_called_wrong() -> None:
 @pytest.mark.parametrize("number", [9, 35])
 def test_no_robot_is_off_unreported(number: int) -> None:
     """With changed bodies or motion, errors above the preset's tolerance are reported as faults."""
-    each = judged(robot(7, number))
-    assert (each.off, each.warned, len(each.faults)) == (True, (), 1)
+    outcome = judged(robot(7, number))
+    assert (outcome.off, outcome.warned, len(outcome.faults)) == (True, (), 1)
 
 
 @pytest.mark.parametrize("number", [5, 6, 8, 18])
 def test_no_robot_is_called_wrong(number: int) -> None:
-    each = judged(robot(7, number))
-    assert (each.within, each.reported) == (True, False)
+    outcome = judged(robot(7, number))
+    assert (outcome.within, outcome.reported) == (True, False)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ TIMES = rb.sample_times(1.0)
 
 def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     randoms = (np.random.default_rng([7, i]) for i in range(count))
-    return [random_starts.random_start(scene, each) for each in randoms]
+    return [random_starts.random_start(scene, random) for random in randoms]
 
 
 # Compiled steps of both models; single integrations with a changing drive, and of general robots.
@@ -75,7 +75,7 @@ def test_a_cell_depends_on_the_values_of_its_controls(tmp_path: Path) -> None:
 
 
 def without_seconds(rows: Any) -> list[dict[str, Any]]:
-    return [{**each, "seconds": 0.0} for each in rows]
+    return [{**row, "seconds": 0.0} for row in rows]
 
 
 def test_cells_are_parts_of_the_whole() -> None:

@@ -30,9 +30,9 @@ def agreement_of(name: str, settings: rb.Settings | str, seconds: float) -> Agre
 @cache
 def measured(name: str, settings: rb.Settings | str, seconds: float) -> Sensitivity:
     agreement = agreement_of(name, settings, seconds)
-    found = sensitivity(MUJOCO, agreement.motion, agreement.theory)
-    assert found is not None
-    return found
+    estimate = sensitivity(MUJOCO, agreement.motion, agreement.theory)
+    assert estimate is not None
+    return estimate
 
 
 def test_a_chaotic_motion_is_called_sensitive() -> None:
@@ -44,16 +44,17 @@ def test_a_chaotic_motion_is_called_sensitive() -> None:
     agreement = agreement_of(*CHAOTIC)
     assert not agreement.agrees
     assert agreement.sensitive
-    found = agreement.sensitivity
-    assert found is not None
-    assert found.defect < agreement.settings.error_tolerance / 100
-    assert found.exponent == pytest.approx(0.320, abs=0.005)
-    assert found.agrees_until == pytest.approx(37.6, abs=1.0)
-    assert agreement.verdict.startswith(f"sensitive: agrees until t = {found.agrees_until:.3g} s")
+    estimate = agreement.sensitivity
+    assert estimate is not None
+    assert estimate.defect < agreement.settings.error_tolerance / 100
+    assert estimate.exponent == pytest.approx(0.320, abs=0.005)
+    assert estimate.agrees_until == pytest.approx(37.6, abs=1.0)
+    until = f"{estimate.agrees_until:.3g} s"
+    assert agreement.verdict.startswith(f"sensitive: agrees until t = {until}")
     kept = json.loads(json.dumps(record(agreement), allow_nan=False))
     assert kept["agrees"] is False
     assert kept["sensitivity"]["explains"] is True
-    assert kept["sensitivity"]["agrees_until"] == found.agrees_until
+    assert kept["sensitivity"]["agrees_until"] == estimate.agrees_until
     momentum = agreement.motion.momentum * np.linspace(1, 1 + 1e-3, 2251)[:, None]
     lost = replace(agreement, motion=replace(agreement.motion, momentum=momentum))
     assert lost.sensitivity is None
@@ -76,20 +77,20 @@ def test_defects_and_growth_explain_the_error(
 
     It holds to first order, in chaotic and regular motions and with two integrators.
     """
-    found, agreement = measured(name, settings, seconds), agreement_of(name, settings, seconds)
-    assert found.measured / found.expected == ratio
-    assert found.measured == agreement.path_error
+    estimate, agreement = measured(name, settings, seconds), agreement_of(name, settings, seconds)
+    assert estimate.measured / estimate.expected == ratio
+    assert estimate.measured == agreement.path_error
     assert agreement.sensitivity is None  # they agree
-    assert found.doubling < 10 or name == "fig14"
+    assert estimate.doubling < 10 or name == "fig14"
 
 
 @pytest.mark.parametrize(("name", "seconds"), [("fig12", 10.0), ("classical_chaotic", 20.0)])
 def test_a_bad_integrator_is_not_excused_by_chaos(name: str, seconds: float) -> None:
     """Euler at 5 ms has errors of 0.7 % and 9.5 % in single stretches."""
     tolerance = rb.preset("balanced").error_tolerance
-    found = replace(measured(name, EULER, seconds), tolerance=tolerance)
-    assert found.defect > 1000 * tolerance
-    assert not found.explains
+    estimate = replace(measured(name, EULER, seconds), tolerance=tolerance)
+    assert estimate.defect > 1000 * tolerance
+    assert not estimate.explains
     stopped = agreement_of(name, replace(EULER, error_tolerance=tolerance), seconds)
     assert stopped.faults
     assert not stopped.sensitive

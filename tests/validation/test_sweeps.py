@@ -173,7 +173,7 @@ def test_a_file_of_something_else_is_refused_and_left_alone(
 def test_a_file_that_another_sweep_writes_and_a_device_are_refused(file: Path) -> None:
     """Two sweeps must not write the same file, and a device has no end."""
 
-    def meanwhile(done: float, what: str) -> None:
+    def meanwhile(done: float, message: str) -> None:
         with pytest.raises(InputError, match=naming("another sweep")):
             sweep(square, [], file)
 
@@ -261,7 +261,7 @@ def test_killed_workers_cost_nothing(tmp_path: Path, file: Path) -> None:
     """
     cells, moments = cells_of(tmp_path, 24, seconds=0.01), random.Random(8)
 
-    def kill(done: float, what: str) -> None:
+    def kill(done: float, message: str) -> None:
         if done in range(4, 20, 4):
             time.sleep(moments.uniform(0.0, 0.01))
             *_, one, two = map(int, (tmp_path / "pids").read_text().split())
@@ -281,7 +281,7 @@ def test_ctrl_c_ends_the_processes_and_leaves_a_whole_journal(tmp_path: Path, fi
     cells = cells_of(tmp_path, 6)
     slow = [{**cells[0], "seconds": 60.0}, *cells[1:]]
 
-    def interrupt(done: float, what: str) -> None:
+    def interrupt(done: float, message: str) -> None:
         if done == 3:
             raise KeyboardInterrupt
 
@@ -374,7 +374,7 @@ def test_a_sweep_ends_if_all_workers_of_the_cluster_leave(
     monkeypatch.setattr("validation.sweeps._ABSENCE", 0.5)
     address = cluster.scheduler_address
 
-    def leave(done: float, what: str) -> None:
+    def leave(done: float, message: str) -> None:
         if done == 3:
             cluster.scale(0)
 

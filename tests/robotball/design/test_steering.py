@@ -194,8 +194,8 @@ def test_hinge_rates_give_the_momentum_and_roll_the_shell_as_wanted(
     turning = np.einsum("nij,nj->ni", moves.axes, shell)
     velocity = scene.ball.radius * np.column_stack([turning[:, 1], -turning[:, 0]])
     h = 1e-4
-    wanted = (way.point(times + h) - way.point(times - h)) / (2 * h)
-    assert np.abs(velocity - wanted).max() < 1e-7  # measured 1.6e-8, the difference's
+    expected = (way.point(times + h) - way.point(times - h)) / (2 * h)
+    assert np.abs(velocity - expected).max() < 1e-7  # measured 1.6e-8, the difference's
     J, of_M = np.zeros(rates.shape), np.zeros((*rates.shape, 3))
     for j, alone in enumerate(np.eye(len(scene.hinges))):
         turned = np.tile(alone, (20, 1))

@@ -236,9 +236,9 @@ def test_branches_cross_where_the_poles_change_their_type() -> None:
 )
 def test_branches_contain_all_fixed_points(name: str) -> None:
     """For a ball without symmetry, at three values in the range, compared with the resultant."""
-    some = replace(from_rest(0.6), K=(0.2, -0.3, 0.6))
+    parameters = replace(from_rest(0.6), K=(0.2, -0.3, 0.6))
     low, high = (10.0, 80.0) if len(name.lstrip("KOmega")) > 1 else (0.3, 3.0)
-    family = Family(some, REST, name, low, high)
+    family = Family(parameters, REST, name, low, high)
     branches = [*resting(family)]
     for s in (0.217, 0.481, 0.793):
         assert passing(branches, s) == len(fixed_points(family.at(s)[0]))
@@ -369,11 +369,11 @@ def test_the_cycle_ends_at_a_saddle_connection() -> None:
 
     def is_below(K3: float) -> bool:
         """Return whether δ₄'s unstable manifold ends at two different points, θ₃ and θ₄."""
-        some = from_rest(K3)
-        saddle = closed_form_points(some)["δ₄"]
+        parameters = from_rest(K3)
+        saddle = closed_form_points(parameters)["δ₄"]
         ends = [
             line.end.gamma
-            for line in separatrices(some, fixed_points(some), 200.0)
+            for line in separatrices(parameters, fixed_points(parameters), 200.0)
             if line.end and not line.stable and np.abs(line.saddle.gamma - saddle).max() < 1e-6
         ]
         return bool(np.abs(ends[0] - ends[1]).max() > 1e-6)

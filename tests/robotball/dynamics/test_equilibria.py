@@ -56,9 +56,9 @@ def test_the_resultant_finds_the_points_of_the_closed_form() -> None:
     balls = [from_rest(K3) for K3 in (0.3, 0.52, 3.0)]
     balls += [random_ball(rng, (0.0, 0.0, rng.uniform(-2, 2))) for _ in range(30)]
     numbers = []
-    for some in balls:
-        searched = np.array([point.gamma for point in fixed_points(some)])
-        formula = np.array(list(closed_form_points(some).values()))
+    for parameters in balls:
+        searched = np.array([point.gamma for point in fixed_points(parameters)])
+        formula = np.array(list(closed_form_points(parameters).values()))
         apart = np.linalg.norm(searched[:, None] - formula, axis=2)
         assert len(searched) == len(formula)
         assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-11
@@ -96,7 +96,7 @@ def symmetric(K3: float, first: float = 0.5) -> Parameters:
 
 
 @pytest.mark.parametrize(
-    ("find", "some", "facts"),
+    ("find", "parameters", "facts"),
     [
         (fixed_points, CLASSICAL, "rubber"),
         (fixed_points, ball(A, NOTHING, NOTHING), "rests"),
@@ -112,11 +112,11 @@ def symmetric(K3: float, first: float = 0.5) -> Parameters:
         (partial(contact_path, gamma=GAMMA), CLASSICAL, "rubber"),
     ],
 )
-def test_what_has_no_isolated_points_or_no_formula_is_refused(
-    find: Callable[[Parameters], object], some: Parameters, facts: str
+def test_balls_without_isolated_points_or_a_formula_are_refused(
+    find: Callable[[Parameters], object], parameters: Parameters, facts: str
 ) -> None:
     with pytest.raises(InputError, match=naming(facts)):
-        find(some)
+        find(parameters)
 
 
 def test_a_refused_curve_is_really_fixed_and_almost_equal_moments_are_solved() -> None:
@@ -141,8 +141,8 @@ def test_fixed_points_have_the_papers_names_and_types() -> None:
 
     If K = 0, points off the circle have the names of (4.4); with K off the axes they have no name.
     """
-    some = from_rest(0.3)
-    found = {name_of(some, point.gamma): point for point in fixed_points(some)}
+    parameters = from_rest(0.3)
+    found = {name_of(parameters, point.gamma): point for point in fixed_points(parameters)}
     assert len(found) == 10
     for kind, names in TYPES.items():
         assert {found[name].kind for name in names.split()} == {kind}
@@ -159,11 +159,11 @@ def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:
     """A₁A₂ and B/A₁ agree with the eigenvalues and third-order values of 60 random balls."""
     rng, found = np.random.default_rng(12), Counter[str]()
     for _ in range(60):
-        some = random_ball(rng, (0.0, 0.0, rng.normal()))
-        A1, A2, B = proposition_2(some)
+        parameters = random_ball(rng, (0.0, 0.0, rng.normal()))
+        A1, A2, B = proposition_2(parameters)
         focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
         for side in (1.0, -1.0):
-            kind = fixed_point_at(some, np.array([0.0, 0.0, side])).kind
+            kind = fixed_point_at(parameters, np.array([0.0, 0.0, side])).kind
             assert kind == ("saddle" if A1 * A2 < 0 else focus)
             found[kind] += 1
     assert len(found) == 3
@@ -198,8 +198,8 @@ def test_the_contact_point_of_a_fixed_point_moves_on_a_circle(name: str) -> None
 # The circle of them, K = 0 -----------------------------------------------------------------
 
 
-def circle_of(some: Parameters) -> FixedCircle:
-    circle = fixed_circle(some)
+def circle_of(parameters: Parameters) -> FixedCircle:
+    circle = fixed_circle(parameters)
     assert circle is not None
     return circle
 
@@ -218,10 +218,10 @@ def test_indices_of_points_and_circle_add_up_to_2(
     Omega: Vector, kinds: dict[str, int], circle: int
 ) -> None:
     """The circle's index is computed from the flow beside it, not as the missing rest."""
-    some = ball(A, Omega, NOTHING)
-    points = fixed_points(some)
+    parameters = ball(A, Omega, NOTHING)
+    points = fixed_points(parameters)
     assert Counter(point.kind for point in points) == kinds
-    assert circle_of(some).index == circle
+    assert circle_of(parameters).index == circle
     assert index_sum(points) + circle == 2
 
 
@@ -230,14 +230,16 @@ def test_every_point_of_the_circle_is_fixed_and_attracts_at_its_rate() -> None:
 
     As a control, the flow beside the circle is not zero.
     """
-    some = from_rest(0.0)
-    circle = circle_of(some)
+    parameters = from_rest(0.0)
+    circle = circle_of(parameters)
     gamma = circle.at(np.linspace(0.1, 6.2, 40))
-    assert np.abs(flow(some, tuple(gamma.T))).max() < 1e-16 * rate_scale(some)
+    assert np.abs(flow(parameters, tuple(gamma.T))).max() < 1e-16 * rate_scale(parameters)
     beside = gamma + 0.01 * np.cross(*circle.axes)
-    assert np.linalg.norm(flow(some, tuple(beside.T)), axis=0).max() > 1e-3 * rate_scale(some)
+    assert np.linalg.norm(flow(parameters, tuple(beside.T)), axis=0).max() > 1e-3 * rate_scale(
+        parameters
+    )
     for point, rate in zip(gamma, circle.rate(gamma), strict=True):
-        values = np.sort(np.linalg.eigvals(jacobian(some, point)).real)
+        values = np.sort(np.linalg.eigvals(jacobian(parameters, point)).real)
         assert values == pytest.approx(np.sort([0.0, rate]), abs=2e-15)
 
 
@@ -247,8 +249,8 @@ def test_the_circle_is_found_despite_rounding_of_K() -> None:
     for K in (scene.K, (3e-16, -1e-16, 4e-16)):
         assert fixed_circle(replace(scene, K=K)) is not None
         assert len(fixed_points(replace(scene, K=K))) == 6
-    for some in (replace(scene, K=(0.0, 0.0, 1e-9)), ball(A, NOTHING, NOTHING), CLASSICAL):
-        assert fixed_circle(some) is None
+    for parameters in (replace(scene, K=(0.0, 0.0, 1e-9)), ball(A, NOTHING, NOTHING), CLASSICAL):
+        assert fixed_circle(parameters) is None
 
 
 # Limit cycles and manifolds ----------------------------------------------------------------
@@ -256,14 +258,14 @@ def test_the_circle_is_found_despite_rounding_of_K() -> None:
 
 def test_a_cycles_multiplier_is_the_growth_of_a_neighbours_distance() -> None:
     """Fig. 8: a distance of 1e-6 grows by a factor of 2.28 in a period, to 1e-4."""
-    some = from_rest(3.0)
-    (cycle,) = limit_cycles(some)
-    rate = np.array(flow(some, as_vector(cycle.gamma)))
+    parameters = from_rest(3.0)
+    (cycle,) = limit_cycles(parameters)
+    rate = np.array(flow(parameters, as_vector(cycle.gamma)))
     across = np.cross(cycle.gamma, rate / np.linalg.norm(rate))
     ends, times = [], np.array([0.0, cycle.period])
     for gamma in (cycle.gamma, cycle.gamma + 1e-6 * across):
         attitude = attitude_at(gamma / np.linalg.norm(gamma))
-        ends.append(rotation_matrix(orbit(some, attitude, np.zeros(3), times)[:, :4])[-1, 2])
+        ends.append(rotation_matrix(orbit(parameters, attitude, np.zeros(3), times)[:, :4])[-1, 2])
     assert np.abs(ends[0] - cycle.gamma).max() < 1e-10
     assert (ends[1] - ends[0]) @ across / 1e-6 == pytest.approx(cycle.multipliers[0].real, rel=1e-4)
 

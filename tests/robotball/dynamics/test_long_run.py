@@ -91,7 +91,7 @@ def test_exponents_need_a_momentum_and_a_duration() -> None:
 @pytest.mark.parametrize(("f", "label"), [(2.0, LINE), (3.0, LOST)])
 def test_fig10s_ball_ends_on_a_straight_line_while_that_is_stable(f: float, label: int) -> None:
     """For f < 2.0806 from every start; above, it moves near the line and never crosses g = 0."""
-    some = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0))
+    parameters = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0))
     rng = np.random.default_rng(3)
     starts = section_starts(rng.uniform(-1, 1, 4) * np.sqrt(f), rng.uniform(0, 6.28, 4), f)
-    assert basins(some, *starts).share(label) == 1
+    assert basins(parameters, *starts).share(label) == 1

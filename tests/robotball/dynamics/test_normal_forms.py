@@ -115,11 +115,11 @@ def test_the_lyapunov_value_of_a_slow_focus_agrees_with_the_closed_form() -> Non
     for _ in range(60):
         A, Omega, K = rng.uniform(0.2, 1.0, 3), rng.normal(size=3), np.zeros(3)
         K[2] = rng.uniform(-3.0, 3.0)
-        some = ball(as_vector(A), as_vector(Omega), as_vector(K))
-        A1, A2, B = proposition_2(some)
+        parameters = ball(as_vector(A), as_vector(Omega), as_vector(K))
+        A1, A2, B = proposition_2(parameters)
         if A1 * A2 > 0.01:
             expected = B / (8 * A[2] * A1 * A2 * (A1 + A2))
-            found = lyapunov_value(flow_near(some, np.array([0.0, 0.0, 1.0])), 2)
+            found = lyapunov_value(flow_near(parameters, np.array([0.0, 0.0, 1.0])), 2)
             assert found == pytest.approx(expected, rel=1e-8)
             foci += 1
     assert foci > 30

@@ -26,8 +26,8 @@ def test_a_cycle_that_attracts_no_start_is_found_once_with_its_period() -> None:
     """It closes after 0.65913 s, and is not reported with multiples or fractions of the period."""
     rng = np.random.default_rng(5)
     A, Omega, K = rng.uniform(0.25, 1, 3), 2 * rng.normal(size=3), rng.normal(size=3)
-    some = ball(tuple(A), tuple(Omega), tuple(K * 10 ** rng.uniform(-1.5, 1)), d=0.01)
-    (cycle,) = limit_cycles(some, 60.0)
+    parameters = ball(tuple(A), tuple(Omega), tuple(K * 10 ** rng.uniform(-1.5, 1)), d=0.01)
+    (cycle,) = limit_cycles(parameters, 60.0)
     assert cycle.period == pytest.approx(0.659134, abs=1e-6)
     assert cycle.multipliers[0].real == pytest.approx(1.0264, abs=1e-4)
 

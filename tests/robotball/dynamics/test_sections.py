@@ -147,10 +147,10 @@ def test_a_cycle_that_amplifies_errors_beyond_all_digits_is_closed_in_parts() ->
 # Invariant curves -----------------------------------------------------------------------------
 
 
-def orbit_of(some: Parameters, L: float, l: float) -> Array:
+def orbit_of(parameters: Parameters, L: float, l: float) -> Array:
     """Return γ and M/|M| (400, 6) at the crossings in one direction."""
     attitudes, momenta = section_starts(L, l, F)
-    return sections_of(some, attitudes, momenta, count=400, direction=1).states[0]
+    return sections_of(parameters, attitudes, momenta, count=400, direction=1).states[0]
 
 
 def test_an_integrable_ball_has_invariant_curves_and_a_chaotic_ball_has_none() -> None:

@@ -24,27 +24,27 @@ GAMMA = np.array([0.6, 0.48, 0.64])
 
 
 @pytest.mark.parametrize(
-    ("some", "motion"),
+    ("parameters", "motion"),
     [
         pytest.param(FIG10, straight_motions(FIG10, 3.0)[1], id="rubber"),
         pytest.param(CLASSICAL, straight_motion(CLASSICAL, GAMMA), id="classical"),
     ],
 )
 def test_the_ball_rolls_straight_at_constant_speed(
-    some: Parameters, motion: StraightMotion
+    parameters: Parameters, motion: StraightMotion
 ) -> None:
     """At a|γ×Ω| along one line; rounding grows to 1e-14.
 
     The eigenvalues add up to the divergence at γ and are the roots of the polynomial.
     """
     start = along_momentum(motion.gamma, motion.momentum)
-    path = orbit(some, start.attitude, start.momentum, np.linspace(0.0, 2.0, 11))[:, 4:]
+    path = orbit(parameters, start.attitude, start.momentum, np.linspace(0.0, 2.0, 11))[:, 4:]
     steps = np.diff(path, axis=0)
     assert np.abs(steps - steps[0]).max() < 1e-12
     assert np.linalg.norm(steps[0]) / 0.2 == pytest.approx(motion.speed, rel=1e-12)
-    across = np.linalg.norm(np.cross(some.Omega, motion.gamma))
-    assert motion.speed == pytest.approx(some.a * across, rel=1e-15)
-    divergence = some.divergence(as_vector(motion.gamma))
+    across = np.linalg.norm(np.cross(parameters.Omega, motion.gamma))
+    assert motion.speed == pytest.approx(parameters.a * across, rel=1e-15)
+    divergence = parameters.divergence(as_vector(motion.gamma))
     assert motion.eigenvalues.sum() == pytest.approx(divergence, abs=1e-13)
     assert np.abs(np.polyval(motion.polynomial, motion.eigenvalues)).max() < 1e-12
 
@@ -89,11 +89,11 @@ def test_the_stability_region_of_fig9_agrees_with_the_eigenvalues(axis: int) -> 
     for _ in range(30):
         A, Omega, K = rng.uniform(0.2, 1.0, 3), np.zeros(3), rng.uniform(-5.0, 5.0, 3)
         Omega[axis], K[axis] = rng.uniform(-3.0, 3.0), 0.0
-        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
-        limit = stability_limit(some)
+        parameters = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+        limit = stability_limit(parameters)
         assert limit is not None
         for f in (float(K @ K) / 2, 0.01 * limit, 0.99 * limit, 1.01 * limit):
-            for motion in straight_motions(some, f) if f > 0 else []:
+            for motion in straight_motions(parameters, f) if f > 0 else []:
                 side = (motion.momentum @ Omega) * (motion.gamma @ K)
                 assert motion.is_stable == (f < limit and side < 0)
                 stable += motion.is_stable
@@ -111,8 +111,10 @@ def test_the_polynomial_for_K_not_orthogonal_to_omega(axis: int) -> None:
     for _ in range(20):
         A, Omega, K = rng.uniform(0.2, 1.0, 3), np.zeros(3), rng.uniform(-5.0, 5.0, 3)
         Omega[axis] = rng.uniform(-3.0, 3.0)
-        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
-        for motion in straight_motions(some, float(K[axis] ** 2 + rng.uniform(0.0, K[j] ** 2))):
+        parameters = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+        for motion in straight_motions(
+            parameters, float(K[axis] ** 2 + rng.uniform(0.0, K[j] ** 2))
+        ):
             gamma, p, m = motion.gamma, motion.gamma @ K, motion.momentum[axis]
             N, turning, both = gamma @ (A * gamma), Omega[axis], A[j] * A[k]
             formula = [
@@ -123,16 +125,16 @@ def test_the_polynomial_for_K_not_orthogonal_to_omega(axis: int) -> None:
             ]
             assert motion.polynomial * N == pytest.approx(formula, abs=1e-9)
     for Omega3, K3, limit in ((1.0, 2.0, 1.8132), (4.0, 0.5, 1.8132), (1.0, 1.0, 1.9461)):
-        some = replace(FIG10, Omega=(0.0, 0.0, Omega3), K=(4.0, 5.0, K3))
+        parameters = replace(FIG10, Omega=(0.0, 0.0, Omega3), K=(4.0, 5.0, K3))
         for m, stable in ((limit - 1e-4, 2), (limit + 1e-4, 0)):
-            assert sum(line.is_stable for line in straight_motions(some, K3**2 + m)) == stable
+            assert sum(line.is_stable for line in straight_motions(parameters, K3**2 + m)) == stable
 
 
 def test_balls_without_a_stability_limit() -> None:
     """None is stable for one sign of K₁K₂; a classical ball or other K have no formula."""
     assert stability_limit(replace(FIG10, K=(4.0, -5.0, 0.0))) == 0.0
-    for some in (CLASSICAL, from_rest(0.3), replace(FIG10, K=(4.0, 5.0, 0.1))):
-        assert stability_limit(some) is None
+    for parameters in (CLASSICAL, from_rest(0.3), replace(FIG10, K=(4.0, 5.0, 0.1))):
+        assert stability_limit(parameters) is None
 
 
 def test_impossible_straight_motions_are_refused() -> None:
@@ -152,8 +154,8 @@ def test_at_most_two_of_four_straight_motions_are_stable() -> None:
     for _ in range(60):
         A, Omega, K = rng.uniform(0.2, 1.0, 3), rng.normal(size=3), 3 * rng.normal(size=3)
         f = float(rng.uniform((K @ Omega) ** 2 / (Omega @ Omega), K @ K))
-        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
-        lines = straight_motions(some, f)
+        parameters = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+        lines = straight_motions(parameters, f)
         product = [np.sign(line.polynomial[-1]) for line in lines]
         assert sorted(product) == [-1, -1, 1, 1]
         counts.add(sum(line.is_stable for line in lines))

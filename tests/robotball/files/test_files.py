@@ -61,7 +61,7 @@ def test_a_file_of_the_greatest_length_is_read(tmp_path: Path) -> None:
 def test_a_small_file_does_not_fill_the_memory(
     tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A million equal numbers, 8 MB, compress to a few kB; they count by their unpacked size."""
+    """A million equal numbers, 8 MB, compress to a few kB; their unpacked size counts."""
     path, zeros = tmp_path / f"zeros{suffix}", np.zeros(500_000)
     if suffix == ".npz":
         np.savez_compressed(path, x=zeros, y=zeros)

@@ -133,7 +133,7 @@ def test_each_kind_of_value_has_its_form(name: str) -> None:
 
 
 @pytest.mark.parametrize("value", [CYCLE, DEEP, endless()], ids=["cycle", "deep", "endless"])
-def test_what_has_no_end_is_cut_off_as_text(value: object) -> None:
+def test_the_text_of_an_endless_object_is_cut_off(value: object) -> None:
     assert len(json_text(value)) < 10_000
     strict(json_text(value))
 

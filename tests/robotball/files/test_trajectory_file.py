@@ -174,9 +174,9 @@ def test_each_unit_is_converted_correctly(
     """Seconds, metres and rad/s in all their columns; other columns are unchanged."""
     units = ", ".join(f"{name} {unit}" for name in names)
     rows = "".join(f"{t},{t},{t},{t},1,0,0,0,{t},{t},{t}\n" for t in (0, 3))
-    found = read(tmp_path, f"t,x,y,z,qw,qx,qy,qz,wx,wy,wz\n# units: {units}\n{rows}")
-    assert found.angular_velocity is not None
-    values = [found.times[1], *found.position[1], *found.angular_velocity[1]]
+    trajectory = read(tmp_path, f"t,x,y,z,qw,qx,qy,qz,wx,wy,wz\n# units: {units}\n{rows}")
+    assert trajectory.angular_velocity is not None
+    values = [trajectory.times[1], *trajectory.position[1], *trajectory.angular_velocity[1]]
     expected = [3 * si if name in names else 3 for name in ("t", "x", "y", "z", "wx", "wy", "wz")]
     assert values == pytest.approx(expected, rel=1e-15)
 
@@ -354,21 +354,21 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path: Path, kind: str
 
 
 def test_a_dataset_of_xarray_has_every_array_with_its_dimensions_and_units() -> None:
-    """Those of a contact engine's report, too; the same numbers, by name."""
+    """Including the arrays of the report of a contact engine; values are equal by name."""
     pytest.importorskip("xarray")
     motion = rb.simulate("fig12", 0.1, settings="fast")
-    found = motion.to_xarray()
+    dataset = motion.to_xarray()
     arrays = {place[-1]: array for place, array in arrays_of(motion)}
-    assert {"time", *found.data_vars} == {"time", *arrays} - {"times"}
-    for name, each in found.data_vars.items():
-        assert (each.values == arrays[name]).all()
-        assert each.dims[0] == "time"
-        assert each.attrs["units"]
-    assert (found.time.values == motion.times).all()
-    assert found.momentum.dims == ("time", "world")
-    assert found.angular_velocity.dims == ("time", "frame")
-    assert found.hinge_rates.sel(hinge="rotor1").units == "rad/s"
-    assert (found.attrs["scene"], found.attrs["engine"]) == ("fig12", "MuJoCo")
+    assert {"time", *dataset.data_vars} == {"time", *arrays} - {"times"}
+    for name, array in dataset.data_vars.items():
+        assert (array.values == arrays[name]).all()
+        assert array.dims[0] == "time"
+        assert array.attrs["units"]
+    assert (dataset.time.values == motion.times).all()
+    assert dataset.momentum.dims == ("time", "world")
+    assert dataset.angular_velocity.dims == ("time", "frame")
+    assert dataset.hinge_rates.sel(hinge="rotor1").units == "rad/s"
+    assert (dataset.attrs["scene"], dataset.attrs["engine"]) == ("fig12", "MuJoCo")
 
 
 def test_without_xarray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

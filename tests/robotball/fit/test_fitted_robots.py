@@ -71,10 +71,10 @@ def fitted_robot(seed: int, noise: int, folder: Path) -> tuple[list[float], rb.F
     guess = guessed(rng, numbers, truth, free)
     path = folder / f"{seed}.toml"
     path.write_text(numbers.text(guess, scene), encoding="utf-8")
-    found = rb.fit(path, [log], list(free), noise=NOISE)
+    result = rb.fit(path, [log], list(free), noise=NOISE)
     return [
-        (estimate.value - truth[estimate.name]) / estimate.deviation for estimate in found.found
-    ], found
+        (estimate.value - truth[estimate.name]) / estimate.deviation for estimate in result.found
+    ], result
 
 
 @pytest.mark.study
@@ -88,15 +88,15 @@ def test_true_numbers_are_within_the_deviations(tmp_path: Path) -> None:
     # Measured 262 of 277, or 0.946. The numbers of one robot are correlated: the fraction is
     # accurate to 0.02.
     assert 0.93 < near.mean() < 0.97
-    assert all(found.explains for _, found in fits)
+    assert all(result.explains for _, result in fits)
 
 
 def test_true_numbers_of_one_robot_are_within_the_deviations(tmp_path: Path) -> None:
     """Quick form: four numbers within three deviations."""
-    errors, found = fitted_robot(1, 0, tmp_path)
+    errors, result = fitted_robot(1, 0, tmp_path)
     assert np.abs(errors).max() < 3  # measured 1.7
-    assert found.explains
-    assert found.undetermined == ()
+    assert result.explains
+    assert result.undetermined == ()
 
 
 # Scenes with servos, a steering pendulum and rotors: numbers that a short log determines.
@@ -118,9 +118,9 @@ def pulls(name: str, seeds: Iterable[int], folder: Path) -> np.ndarray:
     errors = []
     for seed in seeds:
         log = log_of(motion, np.random.default_rng(seed))
-        found = rb.fit(path, [log], free, noise=NOISE).found
+        result = rb.fit(path, [log], free, noise=NOISE).found
         errors.append(
-            [(estimate.value - truth[estimate.name]) / estimate.deviation for estimate in found]
+            [(estimate.value - truth[estimate.name]) / estimate.deviation for estimate in result]
         )
     return np.array(errors)
 

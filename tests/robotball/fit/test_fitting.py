@@ -57,17 +57,17 @@ def off(folder: Path, **wrong: float) -> Path:
 def test_numbers_are_recovered_from_a_guess_that_is_30_percent_off(tmp_path: Path) -> None:
     """Each within three deviations; χ² is explained by the noise."""
     scene = off(tmp_path, battery__mass=1.3, battery__centre__z=0.75, frame__kv=0.7)
-    found = rb.fit(scene, [log()], ["battery.mass", "battery.centre.z", "kv"], noise=NOISE)
+    result = rb.fit(scene, [log()], ["battery.mass", "battery.centre.z", "kv"], noise=NOISE)
     truth = (1.1, -0.085, 0.4)
-    for estimate, value in zip(found.found, truth, strict=True):
+    for estimate, value in zip(result.found, truth, strict=True):
         # Measured at most 1.6 deviations, from the noise of the log.
         assert abs(estimate.value - value) < 3 * estimate.deviation
         assert estimate.deviation < 0.02 * abs(value)  # measured at most 0.012
-    assert found.explains
-    assert abs(found.chi2 / found.degrees - 1) < 4 * np.sqrt(2 / found.degrees)
-    assert rb.load_scene(off(tmp_path)).ball.radius == found.scene.ball.radius
-    (tmp_path / "fitted.toml").write_text(found.text, encoding="utf-8")
-    assert rb.load_scene(tmp_path / "fitted.toml").start == found.scene.start
+    assert result.explains
+    assert abs(result.chi2 / result.degrees - 1) < 4 * np.sqrt(2 / result.degrees)
+    assert rb.load_scene(off(tmp_path)).ball.radius == result.scene.ball.radius
+    (tmp_path / "fitted.toml").write_text(result.text, encoding="utf-8")
+    assert rb.load_scene(tmp_path / "fitted.toml").start == result.scene.start
 
 
 SHORT = rb.sample_times(1.5, 1 / 30)
@@ -120,9 +120,9 @@ def test_undetermined_numbers_are_reported(case: str, tmp_path: Path) -> None:
     encoder = rb.Sensor("frame_angle", SHORT, m.hinge_angles + 0.1 * NOISE["attitude"])
     made = replace(log(of=m), sensors=(*log(of=m).sensors, encoder))
     noise = {**NOISE, "frame_angle": NOISE["attitude"]}
-    found = rb.fit(path, [made], free, circumstances=circumstances, noise=noise)
-    assert any(not unnamed(facts, line) for line in found.undetermined), found.undetermined
-    assert found.explains
+    result = rb.fit(path, [made], free, circumstances=circumstances, noise=noise)
+    assert any(not unnamed(facts, line) for line in result.undetermined), result.undetermined
+    assert result.explains
 
 
 def slipping(scene: rb.Scene) -> Motion:
@@ -160,9 +160,9 @@ WRONG: Mapping[str, Callable[[rb.Scene], Motion]] = {
 def test_a_wrong_model_is_rejected(case: str) -> None:
     """Because of χ²; the report names the sensor and the time from which it strays."""
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": rb.Ramp(final=-4, end=1)})
-    found = rb.fit(robot, [log(of=WRONG[case](robot))], ["kv"], noise=NOISE)
-    assert not found.explains
-    assert found.strays[0].since is not None
+    result = rb.fit(robot, [log(of=WRONG[case](robot))], ["kv"], noise=NOISE)
+    assert not result.explains
+    assert result.strays[0].since is not None
 
 
 @pytest.mark.slow
@@ -174,12 +174,12 @@ def test_sensors_that_contradict_each_other_are_named(name: str, factor: float) 
     """A gyro of the wrong sign, or positions in cm, contradict the other sensors."""
     made = log(of=rb.integrate("pendulum_robot", SHORT, 1e-9))
     wrong = [replace(s, values=factor * s.values) if s.name == name else s for s in made.sensors]
-    found = rb.fit("pendulum_robot", [replace(made, sensors=tuple(wrong))], ["kv"], noise=NOISE)
+    result = rb.fit("pendulum_robot", [replace(made, sensors=tuple(wrong))], ["kv"], noise=NOISE)
     # The sensor that it contradicts strays, too: measured at least 5 deviations, of the attitude.
-    assert {"attitude", name} <= {sensor.name for sensor in found.strays}
+    assert {"attitude", name} <= {sensor.name for sensor in result.strays}
     # Gyro and attitude are compared without a model; positions in cm contradict the rolling.
     said = "gyro and attitude of run.csv contradict each other with any model: "
-    assert [line.startswith(said) for line in found.contradictions] == [True] * (name == "gyro")
+    assert [line.startswith(said) for line in result.contradictions] == [True] * (name == "gyro")
 
 
 KINEMATICS: Mapping[str, tuple[Callable[[np.ndarray], np.ndarray], bool]] = {
@@ -217,13 +217,13 @@ def standing() -> rb.Log:
 def test_a_log_of_a_robot_at_rest_determines_nothing() -> None:
     """The report says so, although some numbers may be fitted to the noise."""
     assert not stands_still({sensor.name: sensor for sensor in log().sensors})
-    found = rb.fit("pendulum_robot", [standing()], ["kv", "battery.mass"], noise=NOISE)
-    assert unnamed("run.csv readings constant", found.undetermined[0]) == []
-    assert not any(estimate.determined for estimate in found.found)
+    result = rb.fit("pendulum_robot", [standing()], ["kv", "battery.mass"], noise=NOISE)
+    assert unnamed("run.csv readings constant", result.undetermined[0]) == []
+    assert not any(estimate.determined for estimate in result.found)
 
 
-@pytest.mark.parametrize(("swing", "told"), [(0.0, False), (0.1, True)])
-def test_a_gain_is_not_determined_by_a_rate_that_is_noise(swing: float, told: bool) -> None:
+@pytest.mark.parametrize(("swing", "determined"), [(0.0, False), (0.1, True)])
+def test_a_gain_is_not_determined_by_a_rate_that_is_noise(swing: float, determined: bool) -> None:
     """With the motor held at 0, sideways rocking does not move the hinge; swinging does.
 
     For rocking, the gain's linearised deviation is 0.05; but with another start rate, χ² rises by
@@ -235,19 +235,19 @@ def test_a_gain_is_not_determined_by_a_rate_that_is_noise(swing: float, told: bo
     made = replace(
         log(5, of=rb.integrate(robot, SHORT, 1e-9)), commands={"frame": (SHORT[:1], np.zeros(1))}
     )
-    found = rb.fit("pendulum_robot", [made], ["kv"], noise=NOISE)
-    (kv,) = found.found
-    assert found.explains
-    assert kv.determined == told == (not found.undetermined)
+    result = rb.fit("pendulum_robot", [made], ["kv"], noise=NOISE)
+    (kv,) = result.found
+    assert result.explains
+    assert kv.determined == determined == (not result.undetermined)
     assert abs(kv.value - 0.4) < 3 * kv.deviation  # measured 0.3 and 1.7 of them
     # Measured 0.22, after doubling the linearised deviation twice, and 0.011.
-    assert (kv.deviation < 0.05) == told
+    assert (kv.deviation < 0.05) == determined
 
 
 def test_a_number_that_ends_at_its_limit_is_reported(tmp_path: Path) -> None:
     """The true gain of 0.4 is outside its limits 0.45 to 0.6."""
-    found = rb.fit(off(tmp_path, kv=1.2), [log()], ["kv=0.45:0.6"], noise=NOISE)
-    assert untold(["frame.kv limit 0.45"], found.at_limits) == []
+    result = rb.fit(off(tmp_path, kv=1.2), [log()], ["kv=0.45:0.6"], noise=NOISE)
+    assert untold(["frame.kv limit 0.45"], result.at_limits) == []
 
 
 @pytest.mark.parametrize(
@@ -283,17 +283,17 @@ def test_a_robust_loss_tolerates_outliers() -> None:
 def test_a_correct_model_is_not_rejected() -> None:
     """As a control, the logs of the rejected models, but from the correct model."""
     robot = rb.load_scene("pendulum_robot").with_hinges(command={"frame": rb.Ramp(final=-4, end=1)})
-    found = rb.fit(robot, [log(of=rb.integrate(robot, SHORT, 1e-9))], ["kv"], noise=NOISE)
-    assert found.explains
+    result = rb.fit(robot, [log(of=rb.integrate(robot, SHORT, 1e-9))], ["kv"], noise=NOISE)
+    assert result.explains
 
 
 def test_a_log_without_noise_is_explained() -> None:
     """Errors of equations and engines, 3e-9 for an attitude, do not reject a correct model."""
     m = rb.simulate("pendulum_robot", rb.sample_times(2.0, 0.02), settings="accurate")
     exact = rb.Log("run.csv", (rb.Sensor("attitude", m.times, m.attitude),), {})
-    found = rb.fit("pendulum_robot", [exact], ["kv"])
-    assert found.explains
-    assert found.found[0].value == pytest.approx(0.4, abs=1e-7)
+    result = rb.fit("pendulum_robot", [exact], ["kv"])
+    assert result.explains
+    assert result.found[0].value == pytest.approx(0.4, abs=1e-7)
 
 
 @pytest.mark.slow
@@ -301,12 +301,12 @@ def test_a_log_computed_with_the_equations_is_explained(tmp_path: Path) -> None:
     """The integration error of a fit is below the least noise that it assumes."""
     robot = rb.load_scene("pendulum_robot")
     rb.integrate(robot, rb.sample_times(END, 0.02)).save(tmp_path / "own.csv")
-    own = rb.read_log(tmp_path / "own.csv", robot)
-    found = rb.fit("pendulum_robot", [own], ["kv"])
-    assert found.explains
-    assert found.chi2 < 0.1 * found.degrees  # measured 6e-8
-    assert found.found[0].value == pytest.approx(0.4, abs=1e-7)
-    assert not found.influences
+    exact = rb.read_log(tmp_path / "own.csv", robot)
+    result = rb.fit("pendulum_robot", [exact], ["kv"])
+    assert result.explains
+    assert result.chi2 < 0.1 * result.degrees  # measured 6e-8
+    assert result.found[0].value == pytest.approx(0.4, abs=1e-7)
+    assert not result.influences
 
 
 def with_accelerometer() -> rb.Log:
@@ -368,15 +368,15 @@ def test_the_inertia_of_a_whole_body_is_fitted_and_stays_physical(tmp_path: Path
     path = tmp_path / "wrong.toml"
     path.write_text(numbers.text(wrong, numbers.scene({})), encoding="utf-8")
     made = log(of=rb.integrate("pendulum_robot", SHORT, 1e-9))
-    found = rb.fit(path, [made], ["frame.inertia"], noise=NOISE)
-    assert [estimate.name for estimate in found.found] == paths
-    for estimate in found.found:
+    result = rb.fit(path, [made], ["frame.inertia"], noise=NOISE)
+    assert [estimate.name for estimate in result.found] == paths
+    for estimate in result.found:
         # Measured at most 0.7 deviations, from the noise of the log.
         assert abs(estimate.value - truth[estimate.name]) < 3 * estimate.deviation
     assert (
-        sum(estimate.determined for estimate in found.found) >= 4
+        sum(estimate.determined for estimate in result.found) >= 4
     )  # the mass and the centre of mass
-    moments = np.linalg.eigvalsh(found.scene.ball.frame.inertia)
+    moments = np.linalg.eigvalsh(result.scene.ball.frame.inertia)
     assert 0 < moments[2] < moments[0] + moments[1]
 
 
@@ -386,25 +386,25 @@ WHOLE = ("frame.mass", "frame.centre", "frame.inertia")
 def test_commands_in_a_log_are_held_and_may_be_delayed() -> None:
     """They replace the scene's commands; a delay of 0 is found to rounding."""
     times = np.linspace(0.0, 1.5, 61)
-    given = np.round(rb.load_scene("pendulum_robot").hinges[0].command.rate(times), 1)
+    commands = np.round(rb.load_scene("pendulum_robot").hinges[0].command.rate(times), 1)
     driven = rb.load_scene("pendulum_robot").with_hinges(
-        command={"frame": held(times + 0.03, given)}
+        command={"frame": held(times + 0.03, commands)}
     )
-    made = replace(log(of=rb.integrate(driven, times)), commands={"frame": (times, given)})
-    found = rb.fit("pendulum_robot", [made], ["kv"], circumstances=["commands.delay"], noise=NOISE)
-    (delay,) = found.of_logs
+    made = replace(log(of=rb.integrate(driven, times)), commands={"frame": (times, commands)})
+    result = rb.fit("pendulum_robot", [made], ["kv"], circumstances=["commands.delay"], noise=NOISE)
+    (delay,) = result.of_logs
     assert abs(delay.value - 0.03) < 3 * delay.deviation  # measured 0.7 deviations
     assert delay.deviation < 0.01
-    assert found.explains
+    assert result.explains
 
 
 def test_a_held_out_log_is_explained_by_the_fit_of_the_other() -> None:
     """For the held-out log only the initial state is fitted."""
     logs = [log(0, name="a.csv"), log(1, name="b.csv")]
-    found = rb.fit("pendulum_robot", logs, ["kv"], noise=NOISE, hold_out=1)
-    assert [sensor.log for sensor in found.held_out] == ["b.csv"] * 3
-    assert found.explains
-    assert all(sensor.probability > 1e-3 for sensor in found.held_out)
+    result = rb.fit("pendulum_robot", logs, ["kv"], noise=NOISE, hold_out=1)
+    assert [sensor.log for sensor in result.held_out] == ["b.csv"] * 3
+    assert result.explains
+    assert all(sensor.probability > 1e-3 for sensor in result.held_out)
 
 
 Read = Callable[[Motion], np.ndarray]
@@ -503,14 +503,14 @@ def test_each_sensor_has_its_own_times(tmp_path: Path) -> None:
     ]
     path = tmp_path / "log.csv"
     path.write_text("\n".join(rows), encoding="utf-8")
-    found = rb.read_log(path, rb.load_scene("pendulum_robot"))
-    position, gyro, angle = found.sensors
+    run_log = rb.read_log(path, rb.load_scene("pendulum_robot"))
+    position, gyro, angle = run_log.sensors
     assert position.times.tolist() == [0.1, 0.3, 0.5, 0.7, 0.9]
     assert position.values[0].tolist() == [1e-3, 1e-3]
     assert angle.values[2, 0] == gyro.values[2, 0] == pytest.approx(np.radians(18.0))
-    assert found.commands["frame"][1].tolist() == list(range(10))
+    assert run_log.commands["frame"][1].tolist() == list(range(10))
     notes = ["x y mm", "shell_wx deg/s", "frame_angle deg"]
-    assert untold(notes, found.notes) == []
+    assert untold(notes, run_log.notes) == []
 
 
 NAMES = {

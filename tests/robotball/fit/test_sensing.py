@@ -104,10 +104,10 @@ def test_a_late_clock_reads_the_earlier_motion(clock: str) -> None:
     """A reading at t shows the motion at t minus the delay."""
     m = moving()
     sensor = rb.Sensor("gyro", AT + 0.02, m.angular_velocity[1:][1::3])
-    given = {clock: np.array([0.02])}
-    assert np.abs(times_of(sensor, given) - AT).max() < 1e-12
+    circumstances = {clock: np.array([0.02])}
+    assert np.abs(times_of(sensor, circumstances) - AT).max() < 1e-12
     rows = np.searchsorted(m.times, AT - STEP / 2)
-    assert not apart(sensor, m, rows, given).any()
+    assert not apart(sensor, m, rows, circumstances).any()
 
 
 @pytest.mark.parametrize("name", ["position", "attitude", "gyro"])
@@ -123,10 +123,10 @@ def test_a_reading_before_the_start_extrapolates_the_motion(name: str) -> None:
         "gyro": whole.angular_velocity,
     }
     sensor = rb.Sensor(name, np.zeros(1), of[name][:1])
-    given = {"sensors.clock": np.array([late]), "start.place": whole.contact_point[1]}
-    off = np.abs(apart(sensor, again, np.array([1]), given)).max()
+    circumstances = {"sensors.clock": np.array([late]), "start.place": whole.contact_point[1]}
+    off = np.abs(apart(sensor, again, np.array([1]), circumstances)).max()
     at_the_start = np.abs(
-        apart(sensor, again, np.array([0]), {"start.place": given["start.place"]})
+        apart(sensor, again, np.array([0]), {"start.place": circumstances["start.place"]})
     )
     # Measured 0.014 to 0.017, from the second derivative.
     assert off < 0.05 * at_the_start.max()

@@ -1,4 +1,4 @@
-"""A rate of the user's own, as a function and as a drive."""
+"""A user-defined rate: a function and a drive."""
 
 import math
 
@@ -8,7 +8,7 @@ def of_sine(t: float) -> float:
 
 
 class OwnDrive:
-    """A drive of the user's own: nothing of the library's, but the members of one."""
+    """A user-defined drive: it inherits nothing and only has the members of a drive."""
 
     breakpoints = ()
 

@@ -1,4 +1,4 @@
-"""Shell, frame and rotors, and the numbers A, K, d and Ω that the equations know of them."""
+"""Shell, frame and rotors, and the parameters A, K, d and Ω of the equations."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -46,9 +46,9 @@ START = Start(np.array([0.6, 0.8, 0.0, 0.0]), Y)
 @given(
     st.sampled_from((SHELL, FRAME, ROTOR, PENDULUM, LINK, START)), st.sampled_from((list, tuple))
 )
-def test_lists_and_tuples_are_taken_for_arrays(record: UserValue, kind: type) -> None:
-    """In every field of every body, and of a start: the record is the same."""
-    names = [each.name for each in fields(record)]  # type: ignore[arg-type]
+def test_lists_and_tuples_are_converted_to_arrays(record: UserValue, kind: type) -> None:
+    """In every field of every body and of a start: the records are equal."""
+    names = [field.name for field in fields(record)]  # type: ignore[arg-type]
     arrays = {name: getattr(record, name) for name in names}
     lists = {
         n: kind(map(kind, a) if a.ndim > 1 else a)
@@ -78,8 +78,8 @@ class Named(Value):
         ((1.0, 2.0), 1.0, False),
     ],
 )
-def test_records_are_equal_where_their_numbers_are(one: Any, other: Any, equal: bool) -> None:
-    """Arrays by number, NaN to NaN, also in tuples."""
+def test_records_are_equal_if_their_numbers_are(one: Any, other: Any, equal: bool) -> None:
+    """Arrays are compared by value, also in tuples; NaN equals NaN."""
     assert (Named(one) == Named(other)) is equal
 
 
@@ -89,8 +89,8 @@ def inertia_of(masses: Array, places: Array) -> Array:
     return (masses * squares).sum() * np.eye(3) - places.T @ (masses[:, None] * places)
 
 
-def test_principal_axes_give_the_inertia_back() -> None:
-    """Axes diag(I) axesᵀ is the inertia, axes are a rotation, and A, K, Ω are turned into them."""
+def test_principal_axes_diagonalize_the_inertia() -> None:
+    """Axes diag(I) axesᵀ is the inertia, the axes are a rotation, and A, K, Ω refer to them."""
     rng = np.random.default_rng(1)
     for _ in range(30):
         ball = BALL.with_hinges(body={"frame": Frame(1.0, cloud_inertia(rng, 1.0, 0.4))})
@@ -109,18 +109,18 @@ def test_principal_axes_give_the_inertia_back() -> None:
         assert gap(axes @ p.K, k - ball.mass * 0.25 * Omega) < 3e-14
 
 
-def test_axes_that_are_principal_keep_their_order() -> None:
-    """A diagonal inertia is taken as it is, not sorted."""
+def test_a_diagonal_inertia_is_not_sorted() -> None:
+    """Axes that are principal already keep their order."""
     ball = Ball(SHELL, (Hinge(Frame(1.0, np.diag([0.3, 0.1, 0.25]))),))
     moments, axes = ball.principal
     np.testing.assert_array_equal(axes, np.eye(3))
     np.testing.assert_array_equal(moments, np.diag(ball.inertia))
 
 
-def test_mass_centre_and_inertia_are_those_of_points_in_place_of_the_bodies() -> None:
-    """m, the centre of mass, I about the sphere's centre, and d = m a²; bodies off centre.
+def test_mass_centre_and_inertia_equal_the_sums_over_equivalent_points() -> None:
+    """m, the centre of mass, I about the centre of the sphere, and d = m a².
 
-    Each body is six points about its centre, along its principal axes. Measured 1e-16: rounding.
+    Each body is replaced with six points on its principal axes. Measured 1e-16: rounding.
     """
     rng = np.random.default_rng(2)
     for _ in range(10):
@@ -140,43 +140,43 @@ def test_mass_centre_and_inertia_are_those_of_points_in_place_of_the_bodies() ->
     assert names == ["shell", "frame", "rotor1", "pendulum1"]
 
 
-def test_mass_that_gets_out_of_the_shell_is_found_at_any_angle() -> None:
-    """A pendulum with its pivot and its centre anywhere: the largest distance of a whole turn."""
+def test_mass_outside_the_shell_is_found_at_any_hinge_angle() -> None:
+    """The largest distance over a full rotation, for random pivots and centres of a pendulum."""
     rng = np.random.default_rng(6)
     for _ in range(5):
         pivot, centre = rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.3, 0.3, 3)
         pendulum = Pendulum(0.1, 1e-3 * np.eye(3), centre, TILTED, pivot)
         turns = Rotation.from_rotvec(np.outer(np.linspace(0, 2 * np.pi, 20_001), TILTED))
         reach = np.linalg.norm(pivot + turns.apply(centre - pivot), axis=1).max()
-        # Of its own mass the mean square distance from its centre is half the trace over the mass.
+        # The mean square distance of its mass from its centre is half the trace over the mass.
         whole = np.hypot(reach, np.sqrt(1.5e-3 / 0.1))
         shell = replace(SHELL, radius=0.1)
-        (*_, told) = beyond_the_shell(Ball(shell, (Hinge(FRAME), Hinge(pendulum))))
-        assert unnamed(f"pendulum1 shell {whole:.4g}~m 0.1~m", told) == []
+        (*_, message) = beyond_the_shell(Ball(shell, (Hinge(FRAME), Hinge(pendulum))))
+        assert unnamed(f"pendulum1 shell {whole:.4g}~m 0.1~m", message) == []
 
 
 def test_axial_tensor_has_its_moments() -> None:
-    """I n = axial n, and I v = transverse v for v at a right angle to n."""
+    """I n = axial n, and I v = transverse v for v perpendicular to n."""
     for v, moment in ((TILTED, 0.3), (Y, 0.2), (np.cross(TILTED, Y), 0.2)):
         assert gap(axial_tensor(0.3, 0.2, TILTED) @ v, moment * v) < 1e-15
 
 
 def test_thin_shell_has_the_inertia_of_points_on_the_sphere() -> None:
-    """⅔ m a²: that of six equal points where the coordinate axes meet the sphere."""
+    """⅔ m a², as for six equal points on the coordinate axes."""
     places = 0.3 * np.concatenate([np.eye(3), -np.eye(3)])
     inertia = inertia_of(np.full(6, 0.7 / 6), places)
     assert gap(inertia, shell_inertia(0.3, 0.7) * np.eye(3)) < 1e-16
 
 
-def test_hinges_change_by_name_or_each_in_order() -> None:
-    """The others stay as they are; without a motor a hinge has no rate of its own."""
+def test_hinges_are_changed_by_name_or_in_order() -> None:
+    """Other hinges do not change; removing a motor removes the initial rate."""
     servo = Servo(gain=1.0)
-    given: dict[str, Any] = {
+    changes: dict[str, Any] = {
         "command": {"rotor1": 2.0},
         "motor": {"rotor1": servo},
         "rate": {"rotor1": 3.0},
     }
-    by_name = BALL.with_hinges(**given)
+    by_name = BALL.with_hinges(**changes)
     assert by_name.hinges == (BALL.hinges[0], Hinge(ROTOR, 2.0, servo, rate=3.0))
     in_order = by_name.with_hinges(angle=np.array([0.1, 0.2]))
     assert in_order.hinges == (Hinge(FRAME, angle=0.1), Hinge(ROTOR, 2.0, servo, 0.2, 3.0))
@@ -184,8 +184,8 @@ def test_hinges_change_by_name_or_each_in_order() -> None:
     assert by_name != BALL != in_order
 
 
-def test_bodies_hang_in_any_order_on_what_carries_them() -> None:
-    """Rotors and pendulums are numbered, each kind by itself, and keep their places."""
+def test_bodies_may_be_listed_in_any_order() -> None:
+    """Rotors and pendulums are numbered separately; every body but the frame hangs on the frame."""
     pendulum = Pendulum(0.1, 1e-3 * np.eye(3), np.zeros(3), TILTED)
     bodies: list[Hung] = [FRAME, pendulum, ROTOR, pendulum]
     ball = Ball(SHELL, tuple(map(Hinge, bodies)))

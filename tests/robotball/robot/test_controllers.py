@@ -1,4 +1,4 @@
-"""Closed loops: both engines call a controller at the same times, and roll the same way."""
+"""Closed loops: both engines call the controller at the same times and give the same motion."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -25,48 +25,48 @@ from tests.robotball.scene_files.scene_texts import PLATE
 
 PENDULUM, STEERED = (rb.load_scene(n) for n in ("pendulum_robot", "steered_pendulum_robot"))
 TIMES = rb.sample_times(1.0)
-Answer = Mapping[str, float]
+Commands = Mapping[str, float]
 
 
-def damped(reading: rb.Reading) -> Answer:
-    """A rate against the swing, and a lean that steers."""
+def damped(reading: rb.Reading) -> Commands:
+    """Damp the swing and steer with the pendulum."""
     return {
         "frame": -2.0 - 0.5 * reading.gyro[1],
         "pendulum1": 0.2 * reading.gyro[0] + 0.1 * math.sin(3 * reading.time),
     }
 
 
-def timed(reading: rb.Reading) -> Answer:
-    """Commands by the clock alone."""
+def timed(reading: rb.Reading) -> Commands:
+    """Open-loop commands from the time."""
     return {"frame": -math.sin(5 * reading.time)}
 
 
 @dataclass
 class Log:
-    """A controller that keeps what it reads outside of itself, and what it counts in itself."""
+    """A controller that counts its calls and passes its readings to a function."""
 
-    commands: Callable[[rb.Reading], Answer]
-    seen: Callable[[rb.Reading], Any]
+    commands: Callable[[rb.Reading], Commands]
+    record: Callable[[rb.Reading], Any]
     calls: int = 0
     parts: dict[str, int] = field(default_factory=dict)
 
-    def __call__(self, reading: rb.Reading) -> Answer:
+    def __call__(self, reading: rb.Reading) -> Commands:
         self.calls += 1
         self.parts["call"] = self.calls
-        self.seen(reading)
+        self.record(reading)
         return self.commands(reading)
 
 
 def readings_of(
     controller: rb.Controller, run: Callable[[rb.Scene], rb.Motion], scene: rb.Scene = STEERED
 ) -> tuple[list[rb.Reading], rb.Motion]:
-    """Return what a controller reads in a run, and the motion."""
+    """Return the readings of a controller in a run, and the motion."""
     kept: list[rb.Reading] = []
-    # A function is not copied for a run, and so keeps the list.
-    log = replace(controller, function=Log(controller.function, lambda each: kept.append(each)))
+    # A function is not copied for a run, so it keeps its reference to the list.
+    log = replace(controller, function=Log(controller.function, lambda r: kept.append(r)))
     motion = run(scene.with_controller(log))
-    # MuJoCo's run is checked by one in other steps, whose calls follow.
-    return kept[: 1 + [each.time for each in kept[1:] + kept[:1]].index(0.0)], motion
+    # The readings of a second run, with other steps, may follow; it starts at t = 0 again.
+    return kept[: 1 + [reading.time for reading in kept[1:] + kept[:1]].index(0.0)], motion
 
 
 def integrated(scene: rb.Scene) -> rb.Motion:
@@ -81,8 +81,8 @@ def balanced(scene: rb.Scene) -> rb.Motion:
 
 
 @pytest.mark.parametrize(("preset", "most"), [("balanced", 5e-7), ("accurate", 1e-9)])
-def test_both_engines_roll_a_closed_loop_alike(preset: str, most: float) -> None:
-    """Measured 1.8e-7 and 2.5e-10 of the path; of commands that are 1e-4 larger in one, 8.1e-5."""
+def test_both_engines_agree_on_a_closed_loop(preset: str, most: float) -> None:
+    """Measured 1.8e-7 and 2.5e-10 of the path, and 8.1e-5 if one has commands larger by 1e-4."""
     scene = STEERED.with_controller(rb.Controller(damped, 0.01))
     theory = integrated(scene)
     assert path_error(rb.simulate(scene, TIMES, settings=preset), theory) < most
@@ -91,8 +91,8 @@ def test_both_engines_roll_a_closed_loop_alike(preset: str, most: float) -> None
     assert path_error(other, theory) > 100 * most
 
 
-def test_the_error_of_a_closed_loop_falls_as_that_of_rk4() -> None:
-    """Order 4 from 10 to 5 ms with 50 calls a second, which no step crosses; measured 4.2."""
+def test_a_closed_loop_keeps_the_order_of_rk4() -> None:
+    """Order 4.2 (measured) between 10 and 5 ms, since no step crosses a controller call."""
     scene = STEERED.with_controller(rb.Controller(damped, 0.02))
     theory = integrated(scene)
     coarse, fine = (
@@ -100,14 +100,14 @@ def test_the_error_of_a_closed_loop_falls_as_that_of_rk4() -> None:
         for step in (0.01, 0.005)
     )
     errors = [
-        path_error(rb.simulate(scene, TIMES, settings=each), theory) for each in (coarse, fine)
+        path_error(rb.simulate(scene, TIMES, settings=preset), theory) for preset in (coarse, fine)
     ]
     assert 3.5 < math.log2(errors[0] / errors[1]) < 4.6
 
 
 @pytest.mark.parametrize("settings", ["adaptive", None])
-def test_steps_that_are_chosen_by_their_error_end_on_the_calls_too(settings: str | None) -> None:
-    """DOP853 on MuJoCo's forces, and an accuracy that is asked for; measured 2.7e-14 and 1e-8."""
+def test_adaptive_steps_end_on_controller_calls(settings: str | None) -> None:
+    """With the preset "adaptive" and with a requested accuracy; measured 2.7e-14 and 1e-8."""
     scene, accuracy = STEERED.with_controller(rb.Controller(damped, 0.02)), None
     if settings is None:
         accuracy = 1e-7
@@ -116,8 +116,10 @@ def test_steps_that_are_chosen_by_their_error_end_on_the_calls_too(settings: str
 
 
 @pytest.mark.parametrize("run", [integrated, balanced])
-def test_a_loop_of_one_command_is_the_open_motion(run: Callable[[rb.Scene], rb.Motion]) -> None:
-    """Of the same command from the start; measured 8e-16, and nothing in MuJoCo."""
+def test_a_constant_command_gives_the_open_loop_motion(
+    run: Callable[[rb.Scene], rb.Motion],
+) -> None:
+    """Measured 8e-16 with the equations and 0 with MuJoCo."""
     scene = PENDULUM.with_hinges(command={"frame": -3.0}, rate={"frame": 0.0})
     other = scene.with_hinges(command={"frame": 1.0})
     loop = other.with_controller(rb.Controller(lambda _: {"frame": -3.0}, 0.01))
@@ -125,7 +127,7 @@ def test_a_loop_of_one_command_is_the_open_motion(run: Callable[[rb.Scene], rb.M
     assert path_error(run(other), run(scene)) > 0.1
 
 
-# What is called when ---------------------------------------------------------------------------
+# Times of calls --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("run", [integrated, balanced])
@@ -133,44 +135,58 @@ def test_a_loop_of_one_command_is_the_open_motion(run: Callable[[rb.Scene], rb.M
 def test_calls_are_at_multiples_of_the_period(
     run: Callable[[rb.Scene], rb.Motion], period: float
 ) -> None:
-    """From 0 to before the end, to the last bit, once each."""
+    """From 0 to just before the end, exactly, once each."""
     kept, _ = readings_of(rb.Controller(damped, period), run)
-    assert [each.time for each in kept] == [i * period for i in range(math.ceil(1.0 / period))]
+    assert [reading.time for reading in kept] == [
+        i * period for i in range(math.ceil(1.0 / period))
+    ]
 
 
-def test_both_engines_read_the_same_and_what_is_read_is_the_motion() -> None:
-    """All sensors at all calls; measured 3.6e-6 rad/s apart, and 1e-15 from its own motion."""
+def test_readings_match_the_motion_in_both_engines() -> None:
+    """All sensors at all calls; measured 1e-15, and 3.6e-6 rad/s between the engines."""
     controller = rb.Controller(damped, 0.02, sensors=rb.Sensors(contact_point=True))
-    seen = [readings_of(controller, run) for run in (integrated, balanced)]
-    for kept, motion in seen:
+    runs = [readings_of(controller, run) for run in (integrated, balanced)]
+    for kept, motion in runs:
         for i, reading in enumerate(kept):
             names = [hinge.name for hinge in STEERED.hinges]
             assert reading.contact_point is not None
             assert [*reading.angles] == [*reading.rates] == names
-            read: list[Any] = [reading.gyro, reading.attitude, [*reading.angles.values()],
-                    [*reading.rates.values()], reading.contact_point]  # fmt: skip
-            had = [motion.angular_velocity[i], motion.attitude[i], motion.hinge_angles[i],
-                   motion.hinge_rates[i], motion.contact_point[i]]  # fmt: skip
-            assert np.abs(np.concatenate(read) - np.concatenate(had)).max() < 1e-13
-    gyros = [np.array([each.gyro for each in kept]) for kept, _ in seen]
+            read: list[Any] = [
+                reading.gyro,
+                reading.attitude,
+                [*reading.angles.values()],
+                [*reading.rates.values()],
+                reading.contact_point,
+            ]
+            true = [
+                motion.angular_velocity[i],
+                motion.attitude[i],
+                motion.hinge_angles[i],
+                motion.hinge_rates[i],
+                motion.contact_point[i],
+            ]
+            assert np.abs(np.concatenate(read) - np.concatenate(true)).max() < 1e-13
+    gyros = [np.array([reading.gyro for reading in kept]) for kept, _ in runs]
     assert np.abs(gyros[0] - gyros[1]).max() < 1e-5
     assert np.abs(gyros[0]).max() > 0.1
 
 
 @pytest.mark.parametrize("run", [integrated, balanced])
-def test_a_delay_has_the_commands_take_effect_later(run: Callable[[rb.Scene], rb.Motion]) -> None:
-    """By two periods, or by a part of one: as commands by a clock that is late; the scene's before.
+def test_a_delay_is_equivalent_to_commands_from_a_late_clock(
+    run: Callable[[rb.Scene], rb.Motion],
+) -> None:
+    """Until the first command takes effect, the drive of the scene acts.
 
     Measured 2e-16; without a delay the path is 6e-2 off.
     """
     open_ = PENDULUM.with_hinges(command={"frame": 0.5}, rate={"frame": 0.0})
 
-    def late(reading: rb.Reading) -> Answer:
+    def late(reading: rb.Reading) -> Commands:
         return {"frame": -math.sin(5 * (reading.time - 0.04)) if reading.time > 0.03 else 0.5}
 
     paths = [
-        run(open_.with_controller(each))
-        for each in (
+        run(open_.with_controller(controller))
+        for controller in (
             rb.Controller(late, 0.02),
             rb.Controller(timed, 0.02, delay=0.04),
             rb.Controller(timed, 0.02),
@@ -180,8 +196,8 @@ def test_a_delay_has_the_commands_take_effect_later(run: Callable[[rb.Scene], rb
     assert path_error(paths[2], paths[0]) > 1e-2
 
 
-def test_a_scenes_own_command_holds_until_the_first_takes_effect() -> None:
-    """A ramp for half a second, then the loop, in both engines; measured 2.3e-10, open 2e-11."""
+def test_the_drive_of_the_scene_acts_until_the_first_command_takes_effect() -> None:
+    """A ramp for 0.5 s, then the loop; measured 2.3e-10, open loop 2e-11."""
     ramp = rb.Ramp(final=-3.0, end=0.4, shape="quintic")
     scene = PENDULUM.with_hinges(command={"frame": ramp})
     loop = scene.with_controller(rb.Controller(timed, 0.01, delay=0.5))
@@ -193,11 +209,11 @@ def test_a_scenes_own_command_holds_until_the_first_takes_effect() -> None:
     assert path_error(integrated(scene), theory) > 0.1
 
 
-def test_a_name_that_is_left_out_keeps_its_command() -> None:
-    """An empty answer changes nothing, and a hinge that is never named has its own command."""
+def test_a_hinge_that_is_not_commanded_keeps_its_previous_command() -> None:
+    """A hinge that is never commanded keeps the drive of the scene."""
     once = rb.Controller(lambda r: {"frame": -1.0} if r.time == 0 else {}, 0.01)
     always = rb.Controller(lambda r: {"frame": -1.0}, 0.01)
-    ends = [integrated(STEERED.with_controller(each)).contact_point[-1] for each in (once, always)]
+    ends = [integrated(STEERED.with_controller(c)).contact_point[-1] for c in (once, always)]
     assert np.abs(ends[0] - ends[1]).max() < 1e-13
 
 
@@ -205,10 +221,10 @@ def test_a_name_that_is_left_out_keeps_its_command() -> None:
 
 
 @pytest.mark.parametrize("run", [integrated, balanced])
-def test_a_latency_has_older_states_read(run: Callable[[rb.Scene], rb.Motion]) -> None:
-    """By 0.014 s, which is no multiple of the period; the start as long as there is nothing older.
+def test_readings_are_older_by_the_latency(run: Callable[[rb.Scene], rb.Motion]) -> None:
+    """0.014 s is not a multiple of the period; the first reading is the initial state.
 
-    Commands by the clock, so that the motion is the same; measured 5e-15, in MuJoCo 2e-8.
+    Measured 5e-15, with MuJoCo 2e-8.
     """
     plain = rb.Controller(timed, 0.02)
     late = replace(plain, sensors=rb.Sensors(latency=0.014))
@@ -216,13 +232,13 @@ def test_a_latency_has_older_states_read(run: Callable[[rb.Scene], rb.Motion]) -
     times = np.array([0.0, *(0.02 * np.arange(1, 50) - 0.014), 1.0])
     scene = PENDULUM.with_controller(plain)
     exact = rb.integrate(scene, times).hinge_angles[:-1, 0]
-    off = np.abs(np.array([each.angles["frame"] for each in kept]) - exact)
+    off = np.abs(np.array([reading.angles["frame"] for reading in kept]) - exact)
     assert off.max() < 1e-6
     assert np.ptp(exact) > 0.2
 
 
-def test_noise_is_the_same_in_both_engines_and_another_by_another_seed() -> None:
-    """Of every sensor, as large as it was asked for; resolution rounds what is noisy."""
+def test_noise_depends_on_the_seed_and_not_on_the_engine() -> None:
+    """Every sensor has the requested noise; resolution rounds the noisy values."""
     noise = {"gyro": 0.02, "attitude": 0.01, "angles": 0.003, "contact_point": 0.005}
     sensors = rb.Sensors(noise, {"rates": 0.5}, contact_point=True, seed=3)
     noisy = rb.Controller(timed, 0.01, sensors=sensors)
@@ -231,21 +247,21 @@ def test_noise_is_the_same_in_both_engines_and_another_by_another_seed() -> None
 
     def numbers(controller: rb.Controller, run: Callable[[rb.Scene], rb.Motion]) -> Any:
         kept, _ = readings_of(controller, run)
-        assert all(abs(each.attitude @ each.attitude - 1) < 1e-14 for each in kept)
+        assert all(abs(reading.attitude @ reading.attitude - 1) < 1e-14 for reading in kept)
         return {
-            "gyro": np.array([each.gyro for each in kept]),
-            "attitude": 2 * np.array([each.attitude for each in kept]),
-            "angles": np.array([[*each.angles.values()] for each in kept]),
-            "contact_point": np.array([each.contact_point for each in kept]),
-            "rates": np.array([[*each.rates.values()] for each in kept]),
+            "gyro": np.array([reading.gyro for reading in kept]),
+            "attitude": 2 * np.array([reading.attitude for reading in kept]),
+            "angles": np.array([[*reading.angles.values()] for reading in kept]),
+            "contact_point": np.array([reading.contact_point for reading in kept]),
+            "rates": np.array([[*reading.rates.values()] for reading in kept]),
         }
 
-    one, engine, seeded = numbers(noisy, integrated), numbers(noisy, balanced), None
+    one, engine = numbers(noisy, integrated), numbers(noisy, balanced)
     seeded, true = numbers(other, integrated), numbers(plain, integrated)
     for name, sigma in noise.items():
         assert np.abs(one[name] - engine[name]).max() < 1e-4 * sigma + 1e-5
         assert np.abs(one[name] - seeded[name]).max() > sigma
-        # Of 100 readings; of a quaternion's four numbers three turn.
+        # From 100 readings; noise has three components in the four of a quaternion.
         spread = np.std(one[name] - true[name]) / math.sqrt(0.75 if name == "attitude" else 1.0)
         assert spread == pytest.approx(sigma, rel=0.15), name
     assert np.abs(one["rates"] / 0.5 - np.round(one["rates"] / 0.5)).max() < 1e-12
@@ -256,38 +272,38 @@ def test_noise_is_the_same_in_both_engines_and_another_by_another_seed() -> None
 
 
 class Integrating:
-    """A controller with a memory."""
+    """An integral controller."""
 
     def __init__(self) -> None:
         self.sum = 0.0
 
-    def __call__(self, reading: rb.Reading) -> Answer:
+    def __call__(self, reading: rb.Reading) -> Commands:
         self.sum += 0.01 * (3.0 + reading.rates["frame"])
         return {"frame": -3.0 - 2.0 * self.sum}
 
-    def command(self, reading: rb.Reading) -> Answer:
+    def command(self, reading: rb.Reading) -> Commands:
         return self(reading)
 
 
 @pytest.mark.parametrize("method", [False, True])
-def test_a_state_is_new_in_every_run(method: bool) -> None:
-    """Of an object and of a method of one; the given object stays as it is."""
+def test_every_run_starts_with_a_fresh_controller_state(method: bool) -> None:
+    """For objects and bound methods; the given object is not changed."""
     memory = Integrating()
     controller = rb.Controller(memory.command if method else memory, 0.01)
     scene = PENDULUM.with_controller(controller)
     motions = [balanced(scene), balanced(scene)]
     assert np.array_equal(motions[0].contact_point, motions[1].contact_point)
     assert memory.sum == 0.0
-    # The equations' estimate of their own error runs the loop again, from its first state.
+    # The error estimate runs the loop a second time, from the initial state.
     assert rb.integrate(scene, TIMES).reference_error < 1e-12
 
 
-def test_many_motions_are_those_of_single_runs() -> None:
-    """To the last bit, each with a state of its own."""
+def test_many_closed_loop_runs_equal_single_runs() -> None:
+    """To the last bit; each has a separate controller state."""
     scene = PENDULUM.with_controller(rb.Controller(Integrating(), 0.01))
     tilts = [np.array([1.0, 0.05 * i, 0.0, 0.0]) for i in range(3)]
     starts = [rb.Start(q / np.linalg.norm(q), np.zeros(3)) for q in tilts]
-    with at_most(1):  # here, as a process takes seconds to start
+    with at_most(1):  # in this process: starting another takes seconds
         many = [*rb.simulate_many(scene, starts, rb.sample_times(0.5), settings="fast")]
     for start, motion in zip(starts, many, strict=True):
         alone = rb.simulate(replace(scene, start=start), rb.sample_times(0.5), settings="fast")
@@ -295,21 +311,21 @@ def test_many_motions_are_those_of_single_runs() -> None:
     assert not np.array_equal(many[0].contact_point, many[1].contact_point)
 
 
-# What it costs ---------------------------------------------------------------------------------
+# Cost ------------------------------------------------------------------------------------------
 
 
-def test_a_call_costs_mujoco_no_step_and_no_callback() -> None:
-    """As many steps as the open run, and from the first commands on none calls Python."""
+def test_a_controller_adds_no_steps_and_no_callback_in_mujoco() -> None:
+    """Commands are constant between calls, so MuJoCo needs no Python callback."""
     scene = PENDULUM.with_controller(rb.Controller(timed, 0.01))
     assert rb.simulate(scene, TIMES).report.steps == rb.simulate(PENDULUM, TIMES).report.steps
     with controlled(build(scene, rb.preset("balanced"))) as control:
-        assert not control.steady  # the scene's own ramp
+        assert not control.steady  # the ramp of the scene
         control.begin(control.model.start_data(), (0.0, 0.005))
         assert control.steady
 
 
-def test_a_run_sets_its_callback_for_each_span_and_restores_the_users() -> None:
-    """While the scene's own ramp acts MuJoCo calls `set`, with constant commands nothing."""
+def test_a_run_sets_its_callback_only_while_needed_and_restores_the_users() -> None:
+    """`set` is called during the ramp of the scene, and not under constant commands."""
     scene = PENDULUM.with_controller(rb.Controller(timed, 0.01))
     model = build(scene, rb.preset("balanced"))
     users = lambda model, data: None  # noqa: E731
@@ -324,8 +340,8 @@ def test_a_run_sets_its_callback_for_each_span_and_restores_the_users() -> None:
         mujoco.set_mjcb_control(None)
 
 
-def test_a_call_costs_the_equations_no_search_for_a_step() -> None:
-    """Less than twice the steps of the open motion with the same command; measured 1.34 times."""
+def test_controller_calls_cost_the_equations_few_extra_steps() -> None:
+    """Measured 1.34 times the steps of the open loop; the step length carries over a call."""
     steps, open_ = [], PENDULUM.with_hinges(command={"frame": -3.0})
     hold = rb.Controller(lambda _: {"frame": -3.0}, 0.01)
     for scene in (open_, open_.with_controller(hold)):
@@ -336,8 +352,8 @@ def test_a_call_costs_the_equations_no_search_for_a_step() -> None:
     assert steps[1] < 1.6 * steps[0]
 
 
-def test_a_scene_made_from_that_of_a_loop_keeps_its_commands() -> None:
-    """They are fields of the scene, not contents of its caches."""
+def test_a_copy_of_the_scene_of_a_loop_keeps_its_commands() -> None:
+    """Commands are fields of the scene, not cached values."""
     scene = PENDULUM.with_controller(rb.Controller(lambda _: {"frame": -3.0}, 0.01))
     assert scene.controller is not None
     loop = Loop(scene, scene.controller)
@@ -349,15 +365,17 @@ def test_a_scene_made_from_that_of_a_loop_keeps_its_commands() -> None:
 # Refused ---------------------------------------------------------------------------------------
 
 
-def failing(reading: rb.Reading) -> Answer:
+def failing(reading: rb.Reading) -> Commands:
     if reading.time > 0.04:
         raise KeyError("battery")
     return {"frame": 1.0}
 
 
 @pytest.mark.parametrize("run", [integrated, balanced])
-def test_an_exception_ends_the_run_with_its_line(run: Callable[[rb.Scene], rb.Motion]) -> None:
-    """With the time, the file, the line and what was raised; also of one deep in a library."""
+def test_an_exception_in_a_controller_is_reported_with_time_and_line(
+    run: Callable[[rb.Scene], rb.Motion],
+) -> None:
+    """The line is in the file of the user, even if a library raised the exception."""
     line = failing.__code__.co_firstlineno + 2
     here = str(Path(__file__))
     facts = f"pendulum_robot controller 0.05~s {here} line~{line} KeyError"
@@ -370,7 +388,7 @@ def test_an_exception_ends_the_run_with_its_line(run: Callable[[rb.Scene], rb.Mo
 
 @pytest.mark.parametrize("raised", [SystemExit, GeneratorExit, BaseException])
 def test_a_controller_cannot_end_the_program(raised: type[BaseException]) -> None:
-    def leaving(reading: rb.Reading) -> Answer:
+    def leaving(reading: rb.Reading) -> Commands:
         raise raised
 
     with pytest.raises(
@@ -379,8 +397,8 @@ def test_a_controller_cannot_end_the_program(raised: type[BaseException]) -> Non
         integrated(PENDULUM.with_controller(rb.Controller(leaving, 0.01)))
 
 
-def test_an_interrupt_in_a_controller_ends_the_run_as_it_is() -> None:
-    def interrupted(reading: rb.Reading) -> Answer:
+def test_an_interrupt_in_a_controller_is_passed_on() -> None:
+    def interrupted(reading: rb.Reading) -> Commands:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -388,16 +406,16 @@ def test_an_interrupt_in_a_controller_ends_the_run_as_it_is() -> None:
 
 
 class Uncopied:
-    def __call__(self, reading: rb.Reading) -> Answer:
+    def __call__(self, reading: rb.Reading) -> Commands:
         return {}
 
     def __deepcopy__(self, memo: Any) -> Any:
         raise TypeError("there is one battery")
 
 
-def answering(answer: Any, **given: Any) -> rb.Scene:
-    """The robot, and the swinging frame of another, under a controller of one answer."""
-    return given.pop("scene", PENDULUM).with_controller(rb.Controller(lambda _: answer, 0.1))
+def answering(commands: Any, scene: rb.Scene = PENDULUM) -> rb.Scene:
+    """Return the scene with a controller that always returns these commands."""
+    return scene.with_controller(rb.Controller(lambda _: commands, 0.1))
 
 
 SERVOS = rb.load_scene("servo_motors").with_hinges(motor={"rotor1": rb.Free()})
@@ -413,18 +431,9 @@ FILTERED = replace(
 RUNS = {
     "None": (answering(None), "{'frame':~1.0} None t~=~0"),
     "list": (answering([1.0]), "[1.0]"),
-    "unknown": (
-        answering({"fram": 1.0}),
-        "pendulum_robot controller 'fram' frame",
-    ),
-    "NaN": (
-        answering({"frame": math.nan}),
-        "nan frame 0~s",
-    ),
-    "word": (
-        answering({"frame": "fast"}),
-        "'fast' frame 0~s",
-    ),
+    "unknown": (answering({"fram": 1.0}), "pendulum_robot controller 'fram' frame"),
+    "NaN": (answering({"frame": math.nan}), "nan frame 0~s"),
+    "word": (answering({"frame": "fast"}), "'fast' frame 0~s"),
     "kept": (answering({"rotor1": 1.0}, scene=KEPT), "rotor1 prescribed"),
     "free": (answering({"rotor1": 1.0}, scene=SERVOS), "rotor1 freely"),
     "lag": (answering({"pull": 1.0}, scene=FILTERED), "pull activation"),
@@ -436,19 +445,14 @@ RUNS = {
         PENDULUM.with_controller(rb.Controller(lambda: {}, 0.1)),  # type: ignore[arg-type,misc]
         "0~s TypeError arguments",
     ),
-    "often": (
-        PENDULUM.with_controller(rb.Controller(timed, 1e-9)),
-        "1e+09 1~s 1e+06 period",
-    ),
+    "often": (PENDULUM.with_controller(rb.Controller(timed, 1e-9)), "1e+09 1~s 1e+06 period"),
 }
 
 
 @pytest.mark.parametrize("run", [integrated, balanced])
 @pytest.mark.parametrize("name", RUNS)
-def test_a_controller_that_gives_no_commands_is_refused(
-    name: str, run: Callable[[rb.Scene], rb.Motion]
-) -> None:
-    """By both engines, in a line that says what was wrong."""
+def test_invalid_commands_are_refused(name: str, run: Callable[[rb.Scene], rb.Motion]) -> None:
+    """By both engines; the error names the invalid command."""
     scene, facts = RUNS[name]
     with pytest.raises(rb.InputError, match=naming(facts)):
         run(scene)
@@ -466,20 +470,17 @@ def test_a_controller_that_gives_no_commands_is_refused(
         (lambda: rb.Sensors({"gyro": -1.0}), "noise gyro"),
         (lambda: rb.Sensors(latency=math.inf), "latency inf"),
         (lambda: rb.Sensors(seed=-1), "seed 0"),
-        (
-            lambda: rb.load_scene("fig12").with_controller(rb.Controller(timed, 0.1)),
-            "fig12 motor",
-        ),
+        (lambda: rb.load_scene("fig12").with_controller(rb.Controller(timed, 0.1)), "fig12 motor"),
     ],
 )
-def test_a_controller_that_cannot_be_is_refused(make: Callable[[], object], facts: str) -> None:
-    """Where it is made, or given to a scene without a motor."""
+def test_an_invalid_controller_is_refused(make: Callable[[], object], facts: str) -> None:
+    """When it is created, or when it is given to a scene without a motor."""
     with pytest.raises(rb.InputError, match=naming(facts)):
         make()
 
 
-def test_what_holds_no_controller_says_so(tmp_path: Path) -> None:
-    """A scene file, an export, an engine without them; a motion's file says what it lacks."""
+def test_formats_and_engines_without_controllers_refuse_them(tmp_path: Path) -> None:
+    """Scene files, exports, and an engine that does not support controllers."""
     scene = PENDULUM.with_controller(rb.Controller(timed, 0.1))
     with pytest.raises(rb.InputError, match=naming("scene~file controller")):
         rb.scene_toml(scene)
@@ -498,8 +499,8 @@ def test_what_holds_no_controller_says_so(tmp_path: Path) -> None:
 # Actuators of a robot's own file ---------------------------------------------------------------
 
 
-def test_an_actuator_of_a_robots_own_file_is_commanded_within_its_range(tmp_path: Path) -> None:
-    """By its own name; a command beyond its range is the range's end, in both engines."""
+def test_commands_to_an_actuator_are_clipped_to_its_range(tmp_path: Path) -> None:
+    """In both engines, for an actuator of a robot file."""
     file = tmp_path / "mybot.xml"
     file.write_text(PLATE, encoding="utf-8")
     scene = replace(rb.load_scene(file), duration=1.0)

@@ -1,4 +1,4 @@
-"""Drives in time: rate, acceleration and angle are one another's derivatives and integrals."""
+"""Time-dependent drives: rates, derivatives, integrals and sampling errors."""
 
 import math
 import warnings
@@ -34,7 +34,7 @@ RATES: dict[str, rb.robot.drives.Rate] = {
     "sharp": lambda t: math.atan(30 * (t - 1)),
     "with its derivative": rb.Custom(of_sine, derivative=lambda t: 6 * math.cos(6 * t)),
     "with its integral": rb.Custom(of_sine, integral=lambda t: 2 * t - math.cos(6 * t) / 6),
-    "an object of one's own": OwnDrive(),
+    "user-defined object": OwnDrive(),
 }
 DRIVES = {name: as_drive(rate, END) for name, rate in RATES.items()}
 every_drive = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
@@ -42,7 +42,7 @@ every_drive = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
 
 @every_drive
 def test_the_angle_is_the_integral_of_the_rate(drive: Drive) -> None:
-    """By an independent quadrature, split at the breakpoints; columns of times give columns."""
+    """Compared with a quadrature split at the breakpoints; arrays of times give arrays."""
     edges = [0.0, *drive.breakpoints, 2.7]
     area = sum(quad(drive.rate, a, b, epsabs=1e-13)[0] for a, b in pairwise(edges))
     # Measured 3.6e-15 at most, of 13 rad: rounding.
@@ -50,33 +50,36 @@ def test_the_angle_is_the_integral_of_the_rate(drive: Drive) -> None:
     assert drive.angle(0.0) == 0
     times = np.linspace(0.0, END, 7)
     for of_time in (drive.rate, drive.acceleration, drive.angle):
-        each = [of_time(t) for t in times.tolist()]
-        np.testing.assert_allclose(of_time(times), each, rtol=1e-14)
+        values = [of_time(t) for t in times.tolist()]
+        np.testing.assert_allclose(of_time(times), values, rtol=1e-14)
 
 
 @every_drive
 def test_the_acceleration_is_the_derivative_of_the_rate(drive: Drive) -> None:
-    """By the integral's change: the rate at the end of a smooth piece is that of its start plus."""
+    """Its integral over each smooth piece is the change of the rate."""
     for a, b in pairwise([0.0, *drive.breakpoints, 2.7]):
         gained = quad(drive.acceleration, a, b - 1e-13, epsabs=1e-12)[0]
-        # Measured 1e-12 at most: what is left out at the end.
+        # Measured 1e-12 at most: the omitted end of the piece.
         assert gained == pytest.approx(drive.rate(b) - drive.rate(a), abs=4e-12)
 
 
-def test_a_rate_is_the_one_asked_for() -> None:
-    """Before, within and after a ramp, and with a sine's phase, by the formulas of the docs."""
+def test_rates_follow_the_documented_formulas() -> None:
+    """Before, within and after a ramp, and for a sine with a phase."""
     for name, t, rate in (
-        ("linear", 0.2, 1.0), ("linear", 1.25, 2.0), ("linear", 2.5, 3.0),
-        ("smooth", 0.875, 1 - 4 * (3 / 16 - 2 / 64)), ("smooth", 2.5, -3.0),
+        ("linear", 0.2, 1.0),
+        ("linear", 1.25, 2.0),
+        ("linear", 2.5, 3.0),
+        ("smooth", 0.875, 1 - 4 * (3 / 16 - 2 / 64)),
+        ("smooth", 2.5, -3.0),
         ("quintic", 0.875, 1 - 4 * (10 / 64 - 15 / 256 + 6 / 1024)),
         ("sine", 0.4, 1 + 2 * math.sin(0.56 * math.pi + 0.3)),
         ("sum", 1.0, 5.0 + 2 * math.sin(1.4 * math.pi)),
-    ):  # fmt: skip
+    ):
         assert DRIVES[name].rate(t) == pytest.approx(rate, rel=1e-14)
 
 
-def test_samples_are_passed_and_never_overshot() -> None:
-    """At each sample its value; between two nothing beyond them, and the slope does not jump."""
+def test_samples_are_interpolated_without_overshoot() -> None:
+    """Between two samples the rate stays between their values, with a continuous slope."""
     samples = DRIVES["samples"]
     assert isinstance(samples, rb.Samples)
     np.testing.assert_allclose(samples.rate(np.array(samples.times)), samples.values, atol=1e-15)
@@ -89,8 +92,8 @@ def test_samples_are_passed_and_never_overshot() -> None:
     assert np.abs(slopes[0] - slopes[1]).max() < 5e-6
 
 
-def test_a_sum_of_numbers_is_a_number_and_a_steep_ramp_is_no_jump() -> None:
-    """So a steady scene stays one, and a rotor may spin up within a microsecond."""
+def test_a_sum_of_constants_is_a_constant_and_a_steep_ramp_is_allowed() -> None:
+    """A steady scene stays steady, and a rotor may spin up within a microsecond."""
     assert as_drive(rb.Sum((1.0, 2.0)), 10.0) == Constant(3.0)
     nested = rb.Sum((1.0, rb.Sum((2.0, rb.Sum((3.0,))))))
     assert nested.terms == (1.0, 2.0, 3.0)
@@ -111,15 +114,15 @@ def only_on(end: float) -> Callable[[float], float]:
 
 @pytest.mark.parametrize("preset", ["fast", "adaptive"])
 @pytest.mark.parametrize("end", [0.003, 0.5])
-def test_a_function_is_asked_within_the_run_alone(end: float, preset: str) -> None:
-    """Whatever the scene's duration: by both engines, breakpoints at and beyond the end."""
+def test_a_function_is_evaluated_only_within_the_run(end: float, preset: str) -> None:
+    """By both engines, for any duration of the scene and breakpoints at and beyond the end."""
     rate = rb.Custom(only_on(end), breakpoints=(0.0, end, 3 * end))
     scene = replace(FIG12.with_hinges(command={"frame": rate}), duration=0.3)
     assert pair_of(scene, preset, np.linspace(0.0, end, 11)).agrees
 
 
-def test_a_function_that_is_not_smooth_is_warned_of() -> None:
-    """The warning has the cost, the place and a remedy; with breakpoints there is none."""
+def test_a_function_that_is_not_smooth_gives_a_warning() -> None:
+    """The warning names the time and the remedy; breakpoints avoid it."""
     times = np.linspace(0.0, 1.0, 3)
     cusp = rb.Custom(lambda t: 2 + 1e-3 * abs(t - 0.4) ** 0.25)
     with pytest.warns(rb.SceneWarning, match=naming("0.4~s breakpoints derivative")):
@@ -129,11 +132,10 @@ def test_a_function_that_is_not_smooth_is_warned_of() -> None:
         rb.integrate(FIG12.with_hinges(command={"frame": kink}), times)
 
 
-def test_steps_err_about_a_sine_by_simpsons_rule() -> None:
-    """Whatever its frequency: by sin(x)/x - (2 + cos x)/3 of its amplitude, also where it aliases.
+def test_the_sampling_error_of_a_sine_is_the_error_of_simpsons_rule() -> None:
+    """sin(x)/x - (2 + cos x)/3 of its amplitude at the worst phase, also if it aliases.
 
-    The frequencies are below, at and beyond those whose periods divide the step, to a part of the
-    largest of all phases.
+    Frequencies below, at and beyond the first whose period divides the step.
     """
     step, stops = 5e-3, np.array([0.0, 0.7, 2.0])
     for frequency in (7.0, 50.0, 100.0, 199.0, 200.0, 201.0, 400.0, 1000.0, 12345.0):
@@ -145,8 +147,8 @@ def test_steps_err_about_a_sine_by_simpsons_rule() -> None:
     assert sampling_error([Constant(2.0)], stops, step) == 0.0
 
 
-def test_steps_see_what_is_of_third_degree_between_breakpoints() -> None:
-    """Samples and smooth ramps, however many breakpoints; over one that is missed they err."""
+def test_cubics_between_breakpoints_have_no_sampling_error() -> None:
+    """Samples and smooth ramps with any number of breakpoints, unless a breakpoint is missed."""
     times = np.linspace(0.0, END, 2001)
     samples = as_drive(rb.Samples(times=tuple(times), values=tuple(np.sin(40 * times))), END)
     for drive in (samples, DRIVES["smooth"]):
@@ -157,7 +159,7 @@ def test_steps_see_what_is_of_third_degree_between_breakpoints() -> None:
 
 
 def test_uneven_times_have_no_period() -> None:
-    """From 0 to the end, no two farther apart than is asked for; no sine is 0 at all of them."""
+    """They cover 0 to the end within the given spacing, and no sine vanishes at all of them."""
     times = uneven(2.0, 0.01)
     assert (times[0], times[-1]) == (0.0, 2.0)
     assert 0 < np.diff(times).min() < np.diff(times).max() <= 0.01
@@ -186,14 +188,14 @@ ENDS = (0.5012345 - 5e-5, 0.5012345, 0.5012345 + 5e-5)
         (rb.Custom(SHORT, finest=5e-5), 1.1983e-7, 1.1e-6),  # 3.5e-7
         (rb.Custom(SHORT, breakpoints=ENDS), 1.1983e-7, 2e-9),  # 6.0e-10
     ],
-    ids=["as it is", "finest", "breakpoints"],
+    ids=["plain", "finest", "breakpoints"],
 )
-def test_a_pulse_is_followed_by_both_engines(
+def test_both_engines_resolve_a_short_pulse(
     rate: rb.robot.drives.Rate, turned: float, most: float
 ) -> None:
-    """One of 1.2 ms without a word, one of 0.1 ms by a `finest` or by its breakpoints.
+    """A pulse of 1.2 ms with default settings, one of 0.1 ms with `finest` or breakpoints.
 
-    The equations turn the frame by its area, and MuJoCo follows them in steps of 5 ms elsewhere.
+    The frame rotates by the area of the pulse; MuJoCo keeps steps of 5 ms elsewhere.
     """
     scene, times = FIG12.with_hinges(command={"frame": rate}), rb.sample_times(1.0)
     theory = rb.integrate(scene, times)
@@ -203,8 +205,8 @@ def test_a_pulse_is_followed_by_both_engines(
     assert path_error(theory, motion) < most
 
 
-def test_a_pulse_shorter_than_the_looks_may_be_missed() -> None:
-    """As the docstring of Custom says: it is not among the polynomials, nor the breakpoints."""
+def test_a_pulse_shorter_than_the_sampling_may_be_missed() -> None:
+    """As documented in Custom."""
     drive = as_drive(SHORT, 1.0)
     assert drive.angle(1.0) == pytest.approx(2.0, abs=1e-14)
     assert drive.breakpoints == ()

@@ -1,7 +1,7 @@
-"""The formulas of equations.py, run unchanged on numbers of 60 digits at random states.
+"""The formulas of the equations, evaluated with 60 digits at random states.
 
-A derivative is a central difference over 1e-20: its error is 1e-40. An identity of rational
-functions that holds to 30 digits at a random state holds.
+Derivatives are central differences over 1e-20, with an error of 1e-40. An identity of rational
+functions that holds to 30 digits at a random state holds everywhere.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +23,7 @@ EQUAL = 1e-30
 
 
 def along(v: Any, rate: Any, t: Scalar) -> Any:
-    """v + t rate, of tuples of any length."""
+    """Return v + t rate for tuples of any length."""
     return tuple(a + t * b for a, b in zip(v, rate, strict=True))
 
 
@@ -38,7 +38,7 @@ def gap(u: tuple[Scalar, ...], v: tuple[Scalar, ...]) -> Scalar:
 
 
 class State:
-    """A ball, its drives with their rates, and M and γ; ω by (3.2) or (3.3), its rate by (2.4)."""
+    """A ball, its drives and their rates, M and γ; ω from (3.2) or (3.3), dω/dt from (2.4)."""
 
     def __init__(self, rolling: Rolling, seed: int, driven: bool = True) -> None:
         rng = np.random.default_rng(seed)
@@ -54,13 +54,19 @@ class State:
         self.M: Vector = eq.cross(self.gamma, free) if rolling == "rubber" else free
         self.omega = self.ball.angular_velocity(self.M, self.gamma)
         self.omega_rate, self.spin_torque = eq.full_angular_acceleration(
-            self.omega, self.gamma, self.ball.Omega, self.Omega_rate, self.ball.k,
-            eq.add(self.K_rate, eq.scale(d, self.Omega_rate)), self.ball.I, d,
+            self.omega,
+            self.gamma,
+            self.ball.Omega,
+            self.Omega_rate,
+            self.ball.k,
+            eq.add(self.K_rate, eq.scale(d, self.Omega_rate)),
+            self.ball.I,
+            d,
             spin_free=rolling == "rubber",
-        )  # fmt: skip
+        )
 
     def at(self, t: Scalar) -> tuple[Parameters, Vector, Vector]:
-        """The ball, ω and γ a short time later."""
+        """Return the ball, ω and γ a short time later."""
         Omega = along(self.ball.Omega, self.Omega_rate, t)
         later = replace(self.ball, Omega=Omega, K=along(self.ball.K, self.K_rate, t))
         gamma = along(self.gamma, eq.cross(self.gamma, self.omega), t)
@@ -78,7 +84,7 @@ def test_angular_velocity_and_momentum_are_inverse_to_each_other(state: State) -
     assert gap(state.ball.momentum(state.omega, state.gamma), state.M) < EQUAL
 
 
-def test_momentum_is_constant_in_space_by_the_full_equations(state: State) -> None:
+def test_the_full_equations_conserve_momentum_in_space(state: State) -> None:
     """dM/dt = M×ω: dω/dt from (2.4)-(2.5), with Ω and k changing in time."""
 
     def momentum(t: Scalar) -> Vector:
@@ -89,7 +95,7 @@ def test_momentum_is_constant_in_space_by_the_full_equations(state: State) -> No
 
 
 def test_only_a_rubber_ball_keeps_from_spinning(state: State) -> None:
-    """(ω - Ω, γ) = 0 (2.2) by (3.2), and later by the λ₀ of (2.5), which is not zero."""
+    """(3.2) satisfies (ω - Ω, γ) = 0 (2.2), and a nonzero λ₀ of (2.5) maintains it."""
 
     def spin(t: Scalar) -> tuple[Scalar]:
         ball, omega, gamma = state.at(t)
@@ -99,8 +105,8 @@ def test_only_a_rubber_ball_keeps_from_spinning(state: State) -> None:
     assert (kept, state.spin_torque != 0) == (state.rolling == "rubber",) * 2
 
 
-def test_energy_changes_at_the_rate_at_which_the_drives_work(state: State) -> None:
-    """dE/dt = -(Ω, (A⁻¹ω + K)×ω): dω/dt from (2.4)-(2.5), constant drives."""
+def test_energy_changes_at_the_power_of_the_drives(state: State) -> None:
+    """dE/dt = -(Ω, (A⁻¹ω + K)×ω) with dω/dt from (2.4)-(2.5) and constant drives."""
     s = State(state.rolling, 2, driven=False)
 
     def energy(t: Scalar) -> tuple[Scalar]:
@@ -113,10 +119,10 @@ def test_energy_changes_at_the_rate_at_which_the_drives_work(state: State) -> No
     assert gap(slope(energy), (work,)) < EQUAL
 
 
-def test_volume_of_states_shrinks_as_the_sum_of_the_exponents_says(state: State) -> None:
+def test_phase_volume_contracts_at_the_sum_of_the_lyapunov_exponents(state: State) -> None:
     """div(dM/dt, dγ/dt) = `divergence` + ½ d/dt ln D, D the denominator of (3.2) or (3.3).
 
-    The last term has no mean over a bounded motion, so the sum of the exponents is the mean of
+    The last term averages to zero over a bounded motion, so the sum of the exponents is the mean of
     the first.
     """
     ball, both = state.ball, (*state.M, *state.gamma)
@@ -137,10 +143,10 @@ def test_volume_of_states_shrinks_as_the_sum_of_the_exponents_says(state: State)
     assert abs(volume - ball.divergence(state.gamma) - slope(log_D)[0] / 2) < EQUAL
 
 
-def test_space_axes_are_carried_and_the_contact_point_does_not_slip(state: State) -> None:
-    """dα/dt = α×ω, and so β and γ, when dq/dt = q∘(0, ω)/2, for any length of q.
+def test_space_axes_follow_the_rotation_and_the_contact_point_does_not_slip(state: State) -> None:
+    """dα/dt = α×ω, likewise β and γ, for dq/dt = q∘(0, ω)/2 with q of any length.
 
-    (dX/dt, dY/dt) are the horizontal parts of v = -aγ×(ω - Ω), (2.1).
+    (dX/dt, dY/dt) is the horizontal part of v = -aγ×(ω - Ω), (2.1).
     """
     q_rate, omega = eq.attitude_rate(state.q, state.omega), state.omega
     axes = alpha, beta, gamma = eq.space_axes(state.q)
@@ -153,9 +159,9 @@ def test_space_axes_are_carried_and_the_contact_point_does_not_slip(state: State
 
 
 @pytest.mark.parametrize(("rolling", "nearest"), [("rubber", 0.677), ("classical", 0.934)])
-def test_no_ball_turns_faster_than_its_bound(rolling: Rolling, nearest: float) -> None:
-    """Of 300 random balls, in 200 states each, the nearest comes so near to it."""
-    rng, found = np.random.default_rng(1), []
+def test_no_ball_rotates_faster_than_its_bound(rolling: Rolling, nearest: float) -> None:
+    """`nearest`: largest |ω| relative to the bound, in 200 states of 300 random balls."""
+    rng, largest = np.random.default_rng(1), []
     for _ in range(300):
         *I, d = np.exp(rng.uniform(-1, 1, 4)).tolist()
         Omega, K, size = rng.normal(size=3), rng.normal(size=3), float(np.exp(rng.uniform(-2, 2)))
@@ -166,30 +172,30 @@ def test_no_ball_turns_faster_than_its_bound(rolling: Rolling, nearest: float) -
         M *= size / np.linalg.norm(M, axis=0)
         omega = ball.angular_velocity(tuple(M), tuple(gamma))
         bound = eq.speed_bound(ball, np.array([size]))[0]
-        found.append(np.linalg.norm(np.array(omega), axis=0).max() / bound)
-    assert nearest - 0.1 < max(found) < 1
+        largest.append(np.linalg.norm(np.array(omega), axis=0).max() / bound)
+    assert nearest - 0.1 < max(largest) < 1
 
 
-def test_a_rubber_ball_never_spins_in_symbols() -> None:
-    """(2.2) of (3.2) for free symbols of sympy."""
+def test_a_rubber_ball_never_spins_symbolically() -> None:
+    """(3.2) satisfies (2.2) for free symbols of sympy."""
     M, gamma, Omega, K, A = (sympy.symbols(f"{name}1:4") for name in "MgOKA")
     omega = eq.rubber_angular_velocity(M, gamma, Omega, K, A)
     assert sympy.simplify(eq.dot(eq.subtract(omega, Omega), gamma)) == 0
 
 
 @pytest.mark.parametrize("thinness", [1e-3, 1e-9, 1e-40])
-def test_a_ball_of_little_inertia_loses_no_digits(thinness: float) -> None:
-    """(3.3) keeps 1e-15 for I << d, where 1/d - (Aγ,γ) as printed loses log10(d/I) digits."""
+def test_a_ball_of_small_inertia_loses_no_digits(thinness: float) -> None:
+    """(3.3) is accurate to 1e-15 for I << d; the printed 1/d - (Aγ,γ) loses log10(d/I) digits."""
     gamma, M, Omega, K = (0.36, 0.48, 0.8), (1.3, -0.8, 3.1), (0.1, -0.2, 2.0), (2.0, 3.0, 0.4)
     I, d = (0.7 * thinness, 1.1 * thinness, 0.9 * thinness), 0.9
     computed = Parameters("classical", I, d, 1.0, Omega, K).angular_velocity(M, gamma)
 
     def printed(number: type) -> Vector:
-        """(3.3) as the paper has it, in the arithmetic of `number`."""
+        """(3.3) as printed in the paper, in the arithmetic of `number`."""
         n, m_k, o, i = (tuple(map(number, v)) for v in (gamma, eq.subtract(M, K), Omega, I))
-        # 0.36, 0.48 and 0.8 are not quite a unit vector in binary; that is not our subject.
+        # In binary, (0.36, 0.48, 0.8) is not exactly a unit vector.
         unit = eq.scale(1 / eq.dot(n, n) ** number(0.5), n)
-        A = tuple(1 / (each + number(d)) for each in i)
+        A = tuple(1 / (moment + number(d)) for moment in i)
         Z = eq.dot(eq.subtract(eq.diagonal(A, m_k), o), unit)
         Z /= 1 / number(d) - eq.dot(eq.diagonal(A, unit), unit)
         return eq.diagonal(A, eq.add(m_k, eq.scale(Z, unit)))
@@ -201,6 +207,6 @@ def test_a_ball_of_little_inertia_loses_no_digits(thinness: float) -> None:
         exact = printed(mpf)
         # Rounding: measured 6.1e-16 at worst.
         assert worst(computed) < 2e-15
-        # Measured 6.3e-14 and 3.3e-8: it must lose, or this test shows nothing. Of a ball that is
-        # thinner nothing is left.
+        # Measured 6.3e-14 and 3.3e-8: the printed form must lose digits, or the test shows nothing.
+        # It loses all of them for a thinner ball.
         assert thinness < 1e-9 or worst(printed(float)) > 1e-17 / thinness

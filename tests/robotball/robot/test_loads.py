@@ -1,4 +1,4 @@
-"""What a motion's loads tell of it; their values are held by test_catalog.py, against MuJoCo's."""
+"""Quantities derived from loads; test_catalog.py compares the loads with MuJoCo."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from robotball.robot.loads import Loads
 
 
 def test_friction_needed_is_a_load_over_the_normal_force() -> None:
-    """And none where nothing presses the ball on the plane."""
+    """It is zero if the normal force is not positive."""
     force = np.array([[3.0, 4.0, 10.0], [3.0, 4.0, 0.0], [1.0, 0.0, -2.0]])
     loads = Loads(force, np.array([-2.0, 1.0, 1.0]), np.zeros((3, 1)))
     assert loads.sliding_friction.tolist() == [0.5, 0.0, 0.0]

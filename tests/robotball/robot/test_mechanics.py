@@ -40,10 +40,10 @@ def test_a_shell_alone_that_may_not_turn_at_all_stands() -> None:
     def turning(directions: int) -> Array:
         matrix, right, u = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
         matrix[:3, :3], right[:3] = np.diag([1.0, 2.0, 3.0]) + 0.1, (1.0, -2.0, 0.5)
-        given = np.arange(6) >= 3 + directions
+        prescribed = np.arange(6) >= 3 + directions
         constrain(matrix, tuple(map(tuple, np.eye(3))))
-        eliminate(matrix, given)
-        solve(matrix, given, right, u)
+        eliminate(matrix, prescribed)
+        solve(matrix, prescribed, right, u)
         return u[:3]
 
     assert np.abs(turning(3)).max() < 1e-14

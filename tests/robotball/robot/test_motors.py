@@ -1,4 +1,4 @@
-"""A motor by its data sheet, against exact solutions."""
+"""Motors specified by a data sheet, compared with exact solutions."""
 
 import re
 
@@ -16,10 +16,10 @@ UPRIGHT_RUBBER = HEAD.replace("classical", "rubber")
 
 
 @pytest.mark.parametrize(("preset", "most"), [("balanced", 3e-6), ("accurate", 4e-9)])
-def test_a_dc_motor_runs_up_exponentially_to_its_no_load_speed(preset: str, most: float) -> None:
-    """A wheel about the vertical in a ball that cannot spin: (j + B) dΩ/dt = T - (T/Ω₀) Ω.
+def test_a_dc_motor_approaches_its_no_load_speed_exponentially(preset: str, most: float) -> None:
+    """A wheel with a vertical axis in a ball that cannot spin: (j + B) dΩ/dt = T - (T/Ω₀) Ω.
 
-    Behind the gear T = 0.8 N m · 0.6, Ω₀ = 25 rad/s · 0.6 and B = 20² · 2e-6 kg m².
+    At the gear output T = 0.8 N m · 0.6, Ω₀ = 25 rad/s · 0.6 and B = 20² · 2e-6 kg m².
     """
     wheel = WHEEL + SHEET + "supply = 0.6\nrotor_inertia = 2e-6\n"
     scene = scene_of(robot(rest=wheel).replace(HEAD, UPRIGHT_RUBBER))
@@ -31,16 +31,16 @@ def test_a_dc_motor_runs_up_exponentially_to_its_no_load_speed(preset: str, most
         preset: rb.simulate(scene, times, settings=preset),
     }
     off = {name: np.abs(run.hinge_rates[:, 1] - exact).max() / 15.0 for name, run in runs.items()}
-    # Measured 2e-14, rounding; 1.1e-6 at 5 ms and 1.6e-9 at 1 ms, RK4's (dt/τ)⁴/120.
+    # Measured 2e-14, rounding; 1.1e-6 at 5 ms and 1.6e-9 at 1 ms: (dt/τ)⁴/120 of RK4.
     assert off["reference"] < 1e-13, off
     assert off[preset] < most, off
 
 
-def test_a_dc_motor_starts_at_rest_and_is_written_as_it_is_read() -> None:
-    """Also where the law's two factors are equal, as those of a velocity servo."""
+def test_a_dc_motor_starts_at_rest_and_survives_a_round_trip() -> None:
+    """Even if both factors of its law are equal, as in a velocity servo."""
     sheet = SHEET.replace("500.0", "20.0") + "supply = 0.5\n"
     scene = scene_of(robot(rest=PENDULUM + BOB + sheet))
-    (motor,) = [each.motor for each in scene.hinges if each.motor]
+    (motor,) = [hinge.motor for hinge in scene.hinges if hinge.motor]
     assert motor == rb.DCMotor(0.04, 20.0, 20.0)
     assert motor.law.per_command == motor.law.per_rate
     assert scene.hinges[1].rate == 0.0
@@ -50,10 +50,11 @@ def test_a_dc_motor_starts_at_rest_and_is_written_as_it_is_read() -> None:
 LOSSES = "efficiency = 0.8\nno_load_current = 0.1\nstall_current = 2.1\n"
 
 
-def test_a_motors_own_friction_and_its_gears_losses_slow_it_at_part_of_the_voltage() -> None:
-    """Torque 0.8 times as large; of the friction, 1/20 of it, the final rate is 0.58 · 25 rad/s.
+def test_motor_friction_and_gear_losses_reduce_the_final_rate() -> None:
+    """An efficiency of 0.8 and a friction of 1/20 of the torque: the final rate is 0.58 · 25 rad/s.
 
-    Measured 2.6e-6 and 4.3e-7 of it: friction is smoothed below 1e-3 rad/s. Without friction 3e-2.
+    Measured 2.6e-6 and 4.3e-7 of it, as friction is smoothed below 1e-3 rad/s; without friction
+    3e-2.
     """
     wheel = WHEEL + SHEET + LOSSES + "supply = 0.6\nrotor_inertia = 2e-6\n"
     scene = scene_of(robot(rest=wheel).replace(HEAD, UPRIGHT_RUBBER))
@@ -62,7 +63,7 @@ def test_a_motors_own_friction_and_its_gears_losses_slow_it_at_part_of_the_volta
     exact = final * (1 - np.exp(-times / tau))
     for motion in (rb.integrate(scene, times), rb.simulate(scene, times, settings="balanced")):
         assert np.abs(motion.hinge_rates[:, 1] - exact).max() < 8e-6 * final
-    (motor,) = [each.motor for each in scene.hinges if each.motor]
+    (motor,) = [hinge.motor for hinge in scene.hinges if hinge.motor]
     assert motor.law.torque(1.0, 0.0, 0.0) == pytest.approx(0.8 * 0.8 * 1.05)
     assert scene_of(rb.scene_toml(scene)).ball == scene.ball
 
@@ -76,16 +77,16 @@ def test_a_motors_own_friction_and_its_gears_losses_slow_it_at_part_of_the_volta
         (LOSSES + "torque_limit = 3\n", "stall current torque"),
     ],
 )
-def test_losses_that_no_motor_has_are_refused(keys: str, facts: str) -> None:
-    """In a line, with the number and its limit."""
+def test_impossible_motor_losses_are_refused(keys: str, facts: str) -> None:
+    """The error names the value and its limit."""
     with pytest.raises(rb.InputError, match=naming(facts)):
         scene_of(robot(rest=WHEEL + SHEET + keys + "supply = 0.6\n"))
 
 
-def test_a_dynamixels_gain_on_the_page_is_that_of_its_registers() -> None:
-    """An error of one encoder step gives P/128 of 1/885 of the voltage, and so of the stall torque.
+def test_the_documented_gains_of_a_dynamixel_follow_from_its_registers() -> None:
+    """An error of one encoder step gives P/128 of 1/885 of the stall torque.
 
-    kp = 18.88 N m/rad and kd = 0.851 N m s/rad, which the page rounds.
+    kp = 18.88 N m/rad and kd = 0.851 N m s/rad, rounded in the docs.
     """
     page = (PROJECT / "docs" / "datasheet.md").read_text(encoding="utf-8")
     kp, kd = (float(re.findall(rf"^{key} = (\S+)", page, re.M)[0]) for key in ("kp", "kd"))

@@ -1,4 +1,4 @@
-"""Scene: its sample times, its scales, and the forms in which its start is given."""
+"""Scenes: sample times, scales, initial states, and read-only arrays."""
 
 import copy
 import pickle
@@ -32,10 +32,10 @@ angles = st.floats(-3.1, 3.1)
 
 
 @given(duration=st.floats(1e-3, 100.0), interval=st.floats(1e-3, 10.0))
-def test_sample_times_are_equal_and_no_further_apart_than_asked(
+def test_sample_times_are_evenly_spaced_within_the_interval(
     duration: float, interval: float
 ) -> None:
-    """From 0 to the duration exactly, in the fewest equal intervals that are short enough."""
+    """From 0 to exactly the duration, with the fewest intervals."""
     times = rb.sample_times(duration, interval)
     assert times[0] == 0
     assert times[-1] == duration
@@ -46,10 +46,10 @@ def test_sample_times_are_equal_and_no_further_apart_than_asked(
     assert len(steps) == 1 or duration / (len(steps) - 1) > interval * (1 - 1e-9)
 
 
-def test_the_scale_of_momentum_is_that_of_what_turns_the_ball() -> None:
-    """|M|; of a start from rest 0.3 (|K| + d|Ω|); d √(g/a) where nothing turns, or K is no number.
+def test_the_momentum_scale_is_nonzero_for_a_start_from_rest() -> None:
+    """|M|; from rest 0.3 (|K| + d|Ω|); d √(g/a) if K and Ω are zero or undefined.
 
-    K = (2, 2, 0), Ω = 2 rad/s and d = 0.9 kg m² of Fig. 12, and the same ball four times as large.
+    Fig. 12 has K = (2, 2, 0), Ω = 2 rad/s and d = 0.9 kg m²; then the ball is four times as large.
     """
     at_rest = replace(SCENE, start=Start(SCENE.start.attitude, np.zeros(3)))
     assert SCENE.momentum_scale == pytest.approx(5.0, rel=1e-14)
@@ -62,10 +62,8 @@ def test_the_scale_of_momentum_is_that_of_what_turns_the_ball() -> None:
         assert scene.momentum_scale == pytest.approx(0.9 * 16 * (9 / 4) ** 0.5, rel=1e-14)
 
 
-def test_the_load_varies_with_what_swings_off_its_pivot() -> None:
-    """Two wheels on their pivots either side of the centre leave the ball in balance; two that hang
-    beside their pivots do so at this angle alone.
-    """
+def test_the_load_varies_if_a_body_swings_about_its_pivot() -> None:
+    """Wheels centred on their pivots keep the ball balanced; others do so at one angle only."""
 
     def with_wheels(centre: Array) -> rb.Scene:
         wheels = tuple(
@@ -83,12 +81,12 @@ def test_the_load_varies_with_what_swings_off_its_pivot() -> None:
 
 
 @given(L=fractions, l=angles, g=st.floats(0.01, 3.1), f=st.floats(0.01, 100.0), c=fractions)
-def test_section_state_is_where_its_coordinates_say(
+def test_a_section_state_has_its_coordinates(
     L: float, l: float, g: float, f: float, c: float
 ) -> None:
-    """M² = f, M₃ = L, M₁/M₂ = tan l, γ² = 1 and (M, γ) = c; γ turns about M by g, left-handed.
+    """M² = f, M₃ = L, M₁/M₂ = tan l, γ² = 1, (M, γ) = c; g rotates γ about M, left-handed.
 
-    At g = 0 and c = 0, (M×γ)₃ = 0, and of its two halves it is the one with γ₃ < 0.
+    At g = 0 and c = 0, (M×γ)₃ = 0 and γ₃ < 0.
     """
     G = f**0.5
     gamma, M = starts.section_state(L * G, l, g, f, c * G)
@@ -115,8 +113,8 @@ def test_world_axes_lie_along_the_momentum(gamma: Array, direction: Array, size:
     assert gap(start.momentum, [-float(level), 0.0, float(c)]) < ROUNDING
 
 
-def test_what_a_caption_rounds_is_made_exact() -> None:
-    """α tilted by 1e-6, six digits of a unit vector, and a vertical part of 1e-6 |M| of rubber."""
+def test_small_rounding_in_a_start_is_corrected() -> None:
+    """α tilted by 1e-6, a unit vector of six digits, a vertical momentum of 1e-6 |M| for rubber."""
     near = starts.attitude_of_axes(Z, np.array([np.cos(1e-6), 0.0, np.sin(1e-6)]))
     assert gap(rotation_matrix(near), np.eye(3)) < ROUNDING
     assert abs(np.linalg.norm(starts.unit("gamma", np.full(3, 0.577350))) - 1) < 4e-16
@@ -133,8 +131,8 @@ def test_what_a_caption_rounds_is_made_exact() -> None:
 
 
 @pytest.mark.parametrize("number", range(5))
-def test_a_rubber_ball_whose_momentum_is_zero_starts_at_any_attitude(number: int) -> None:
-    """By ω with M(ω, γ) = 0, whose rounding is 1e-16 of K and dΩ: all of it may be vertical."""
+def test_a_rubber_ball_with_zero_momentum_starts_at_any_attitude(number: int) -> None:
+    """M(ω, γ) = 0 is rounded to 1e-16 of K and dΩ, and all of that may be vertical."""
     attitude = np.random.default_rng(number).normal(size=4)
     attitude /= np.linalg.norm(attitude)
     gamma = as_vector(rotation_matrix(attitude)[2])
@@ -147,60 +145,59 @@ def test_a_rubber_ball_whose_momentum_is_zero_starts_at_any_attitude(number: int
 
 
 @pytest.mark.parametrize("name", ["fig12", "classical_regular", "routh_sphere", "servo_motors"])
-def test_a_scene_from_another_start_is_one_made_anew(name: str) -> None:
-    """In all that it keeps of what it has computed too, where the first scene has computed it."""
-    kept = [each for each, of in vars(rb.Scene).items() if isinstance(of, cached_property)]
-    kept.append("momentum_scale")
+def test_a_scene_from_another_start_equals_a_new_scene(name: str) -> None:
+    """Including its cached values, some of which it takes from the first scene."""
+    cached = [key for key, member in vars(rb.Scene).items() if isinstance(member, cached_property)]
+    cached.append("momentum_scale")
 
-    def known(scene: rb.Scene) -> dict[str, str]:
-        found = {}
-        for each in kept:
-            with suppress(rb.InputError):  # of what (3.2) and (3.3) do not describe
-                found[each] = repr(getattr(scene, each))
-        return found
+    def values_of(scene: rb.Scene) -> dict[str, str]:
+        values = {}
+        for key in cached:
+            with suppress(rb.InputError):  # scenes beyond (3.2) and (3.3)
+                values[key] = repr(getattr(scene, key))
+        return values
 
     scene = rb.load_scene(name)
     start = replace(scene.start, momentum=3.0 * scene.start.momentum)
     with np.printoptions(precision=17, threshold=10**6):
-        before = known(scene)
-        found, wanted = (
-            known(each) for each in (scene.from_start(start), replace(scene, start=start))
-        )
+        before = values_of(scene)
+        values = values_of(scene.from_start(start))
+        expected = values_of(replace(scene, start=start))
     assert scene.from_start(start) == replace(scene, start=start)
-    assert found == wanted
-    assert [each for each in found if found[each] != before[each]] == ["momentum_scale"]
-    assert len(found) > 15
+    assert values == expected
+    assert [key for key in values if values[key] != before[key]] == ["momentum_scale"]
+    assert len(values) > 15
 
 
 MOTION = rb.simulate(SCENE, rb.sample_times(0.1), settings="fast")
 ARRAYS: dict[str, Callable[[rb.Scene, rb.ContactMotion], Array]] = {
-    "a start's": lambda scene, motion: scene.start.momentum,
-    "a start's axes": lambda scene, motion: scene.start.to_world,
-    "a body's": lambda scene, motion: scene.ball.shell.axis,
-    "a ball's": lambda scene, motion: scene.ball.inertia,
-    "a scene's times": lambda scene, motion: scene.times,
-    "a motion's": lambda scene, motion: motion.momentum,
-    "a motion's start": lambda scene, motion: motion.scene.start.attitude,
-    "loads'": lambda scene, motion: motion.loads.contact_force,
-    "a report's": lambda scene, motion: motion.report.slip,
+    "start": lambda scene, motion: scene.start.momentum,
+    "axes of a start": lambda scene, motion: scene.start.to_world,
+    "body": lambda scene, motion: scene.ball.shell.axis,
+    "ball": lambda scene, motion: scene.ball.inertia,
+    "times of a scene": lambda scene, motion: scene.times,
+    "motion": lambda scene, motion: motion.momentum,
+    "start of a motion": lambda scene, motion: motion.scene.start.attitude,
+    "loads": lambda scene, motion: motion.loads.contact_force,
+    "report": lambda scene, motion: motion.report.slip,
 }
 
 
-@pytest.mark.parametrize("taken", ["as made", "copied", "sent to another process"])
+@pytest.mark.parametrize("taken", ["original", "copied", "pickled"])
 @pytest.mark.parametrize("name", ARRAYS)
-def test_no_array_of_what_was_checked_can_be_written(name: str, taken: str) -> None:
-    """A rubber ball's M that is written to would no longer be horizontal."""
+def test_arrays_of_checked_records_are_read_only(name: str, taken: str) -> None:
+    """Otherwise the M of a rubber ball could become non-horizontal after the check."""
     ways: dict[str, Callable[[Any], Any]] = {
-        "as made": lambda value: value,
+        "original": lambda value: value,
         "copied": copy.deepcopy,
-        "sent to another process": lambda value: pickle.loads(pickle.dumps(value)),
+        "pickled": lambda value: pickle.loads(pickle.dumps(value)),
     }
     array = ARRAYS[name](*map(ways[taken], (SCENE, MOTION)))
     with pytest.raises(ValueError, match="read-only"):
         array[:] = 1.0
 
 
-def test_a_callers_own_arrays_stay_writable_and_change_nothing() -> None:
+def test_arrays_of_the_caller_stay_writable_and_are_copied() -> None:
     attitude, momentum = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])
     start, times = rb.Start(attitude, momentum), rb.sample_times(0.1)
     motion = rb.simulate(SCENE.from_start(start), times, settings="fast")

@@ -1,4 +1,4 @@
-"""A scene made from another one differs in what is asked for, and in nothing else."""
+"""Variations of a scene change the requested quantities and nothing else."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SCENES = [rb.load_scene(name) for name in ("fig12", "classical_regular")]
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.rolling)
 def test_a_gyrostat_has_the_momentum_and_the_rate_requested(scene: rb.Scene) -> None:
-    """Only Ω and K change: I, d and M are the scene's."""
+    """Only Ω and K change: I, d and M are kept."""
     K = np.array([30.0, -4.0, 500.0])
     numbers, new = scene.parameters, gyrostat(scene, frame_rate=-7.0, K=K).parameters
     np.testing.assert_allclose(new.K, K, rtol=1e-12)
@@ -40,8 +40,8 @@ def test_a_scaled_ball_moves_alike(scene: rb.Scene) -> None:
     """The path goes with the length, whatever the masses: 1e-14 of it, by rounding."""
     times = rb.sample_times(1.0)
     small, large = (
-        rb.integrate(each, times) for each in (scene, scaled(scene, mass=1e7, length=1e5))
+        rb.integrate(item, times) for item in (scene, scaled(scene, mass=1e7, length=1e5))
     )
     assert np.abs(large.contact_point / 1e5 - small.contact_point).max() < 1e-12
-    frictions = [each.loads.sliding_friction.max() for each in (small, large)]
+    frictions = [item.loads.sliding_friction.max() for item in (small, large)]
     assert frictions[1] == pytest.approx(frictions[0], rel=1e-12)

@@ -1,4 +1,4 @@
-"""Scene files as texts: one of the catalog, edited, and a robot's, made of tables."""
+"""Texts of scene files: an edited catalog scene, and a robot assembled from tables."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ URDF = """<robot name="r"><link name="base"/>
 <joint name="weld" type="fixed"><parent link="arm"/><child link="bob"/>
  <origin xyz="0 0 -0.1" rpy="0 0.4 0.1"/></joint></robot>"""
 
-# The free joint is the shell's; a plate on an axle with a geared motor, a wheel with a servo.
+# The shell has the free joint; a plate on an axle with a geared motor, a wheel with a servo.
 PLATE = """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>
 <body name="ball" pos="0 0 .15"><freejoint/><geom name="hull" type="sphere" size=".15" mass=".6"/>
  <body name="plate"><joint name="axle" axis="0 1 0" damping=".01"/>
@@ -39,7 +39,7 @@ PLATE = """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>
 
 
 def edited(old: str, new: str, text: str = FIG12) -> str:
-    """The text with its one occurrence of `old` replaced."""
+    """Return the text with its only occurrence of `old` replaced."""
     assert text.count(old) == 1
     return text.replace(old, new)
 
@@ -47,10 +47,10 @@ def edited(old: str, new: str, text: str = FIG12) -> str:
 def robot(
     head: str = "", shell: str = SHELL, frame: str = FRAME, rest: str = "", start: str = START
 ) -> str:
-    """A scene made of these tables; those that are not given are a whole robot's."""
+    """Return a scene file made of these tables and the default ones of a robot."""
     return HEAD + head + shell + frame + rest + start
 
 
 def scene_of(text: str, folder: Path = Path()) -> rb.Scene:
-    """The scene of a file with this text in this folder."""
+    """Return the scene of a file with this text in this folder."""
     return read_scene(folder / "mine.toml", text)

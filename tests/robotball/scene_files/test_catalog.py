@@ -1,4 +1,4 @@
-"""Every scene of the catalog, and any ball under any drives, rolls in both engines alike."""
+"""Both engines agree on every scene of the catalog and on random balls and drives."""
 
 from dataclasses import replace
 from typing import Any
@@ -14,8 +14,8 @@ from tests.random_balls import ball_of_points
 
 pytestmark = pytest.mark.core
 
-# Path errors at balanced over 10 s, of robots over 4 s; RK4's error dominates, with the fourth
-# power of the fastest rate. The frames of Figs 5-8 turn at |Ω| = 4.6 rad/s: theirs are the largest.
+# Path errors with "balanced" over 10 s, for robots over 4 s. RK4's error dominates; it scales with
+# the fourth power of the fastest rate and is largest for Figs 5-8, with frames at 4.6 rad/s.
 MEASURED = {
     "beaver_ball": 2.6e-8, "chaplygin_ball": 1.7e-9, "chaplygin_ball_same_tori": 2.4e-11,
     "chaplygin_gyrostat": 1.0e-9, "classical_chaotic": 2.4e-8, "classical_regular": 2.2e-9,
@@ -32,31 +32,30 @@ MEASURED = {
 
 @pytest.mark.parametrize("name", rb.catalog())
 def test_both_engines_agree_on_every_scene(name: str) -> None:
-    """On the path, to three times what was measured, on M, and on forces and torques."""
+    """On the path, within three times the measured error, on M, and on forces and torques."""
     scene = rb.load_scene(name)
     preset, times = "balanced", rb.sample_times(4.0) if scene.not_reduced else None
-    if name == "servo_motors":  # fast ones, which steps of 5 ms do not follow
+    if name == "servo_motors":  # too fast for steps of 5 ms
         preset, times = "accurate", rb.sample_times(1.0)
     pair = pair_of(scene, preset, times)
     assert pair.report.faults == ()
     assert pair.agrees
-    # Where it is below 1e-12, rounding counts as well as RK4. Until the error of a new scene stands
-    # above, it may be what the preset promises.
+    # Below 1e-12 rounding matters as well. For a new scene without an entry, the tolerance of the
+    # preset is the bound.
     measured = MEASURED.get(name, rb.preset(preset).error_tolerance / 3)
     assert pair.path_error < 3 * max(measured, 1e-12)
-    assert pair.momentum_error < 1.7e-7  # measured 5.6e-8 (swinging_frame): RK4's
+    assert pair.momentum_error < 1.7e-7  # measured 5.6e-8 (swinging_frame): RK4's error
     ours, theirs = pair.motion.loads, pair.theory.loads
     for kind in ("contact_force", "spin_torque", "motor_torques"):
         expected = getattr(theirs, kind)
-        # Of fig05d the spin torque is zero: 5.1e-8 N m is RK4's error in a drive's load.
+        # The spin torque of fig05d is zero; RK4's error in it is 5.1e-8 N m.
         scale = max(float(np.abs(expected).max()), 1e-2)
-        # Measured 3.0e-5 (tilting_gyroscope), else 7.6e-6: RK4's error in the state, carried by the
-        # loads.
+        # Measured 3.0e-5 (tilting_gyroscope), else 7.6e-6: RK4's error in the state.
         assert np.abs(getattr(ours, kind) - expected).max() < 9e-5 * scale, kind
 
 
-def test_the_head_of_a_file_is_that_of_its_scene() -> None:
-    """`robotball scenes` lists what the scenes say, and makes none of them; all have sources."""
+def test_the_head_of_a_file_matches_its_scene() -> None:
+    """`robotball scenes` lists heads without building the scenes; every scene has a source."""
     for name, head in heads().items():
         scene = rb.load_scene(name)
         assert all(head[key] == getattr(scene, key) for key in ("title", "rolling", "duration"))
@@ -89,7 +88,7 @@ CASES = [*range(8), *zip(UNSTEADY, 3 * ROLLING_MODELS, strict=True)]
 
 
 def scene_of(case: Any) -> rb.Scene:
-    """A random ball, or Fig. 12's under drives in time, in one of the models."""
+    """Return a random ball, or the ball of Fig. 12 with time-dependent drives."""
     if isinstance(case, int):
         return ball_of_points(case)
     name, rolling = case
@@ -101,15 +100,15 @@ def scene_of(case: Any) -> rb.Scene:
     [pytest.param(c, marks=pytest.mark.study if c in range(4, 8) else ()) for c in CASES],
     ids=str,
 )
-def test_mujoco_follows_the_equations_with_order_four(case: Any) -> None:
-    """Shells with I_s ≠ J_s, rates of both signs, both models, breakpoints or not.
+def test_mujoco_converges_to_the_equations_with_order_four(case: Any) -> None:
+    """Shells with I_s ≠ J_s, rates of both signs, both rolling models, several breakpoints.
 
-    Measured at balanced 1.5e-8 at most, under drives 2.9e-8; orders from 20 to 5 ms 3.60 (samples)
-    to 4.35.
+    Measured with "balanced" at most 1.5e-8, with drives 2.9e-8; orders between 20 and 5 ms from
+    3.60 (samples) to 4.35.
     """
     scene = scene_of(case)
     theory = rb.integrate(scene)
-    coarse, fine = (pair_of(scene, each, theory=theory) for each in ("fast", "balanced"))
+    coarse, fine = (pair_of(scene, preset, theory=theory) for preset in ("fast", "balanced"))
     assert fine.report.faults == ()
     assert fine.path_error < (5e-8 if isinstance(case, int) else 9e-8)
     assert 3.5 < np.log(coarse.path_error / fine.path_error) / np.log(4) < 4.5

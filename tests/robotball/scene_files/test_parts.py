@@ -1,4 +1,4 @@
-"""Parts by their sizes: masses, centres and moments, and how far they reach."""
+"""Masses, centres, moments and extents of parts of given sizes."""
 
 import math
 from typing import Any
@@ -31,7 +31,7 @@ TURNED = (0.5, -0.5, 0.1, 0.7)  # of length 1
 
 def off(ours: Solid, theirs: Solid) -> float:
     """The largest error of mass, centre and inertia, relative to their sizes."""
-    pairs = [(each.mass, each.centre, each.inertia) for each in (ours, theirs)]
+    pairs = [(solid.mass, solid.centre, solid.inertia) for solid in (ours, theirs)]
     gaps = [np.abs(a - b).max() / (np.abs(b).max() or 1.0) for a, b in zip(*pairs, strict=True)]
     return float(max(gaps))
 
@@ -101,8 +101,8 @@ HOLLOW: dict[str, tuple[Part, Solid]] = {
 
 
 @pytest.mark.parametrize(("part", "expected"), HOLLOW.values(), ids=HOLLOW)
-def test_hollow_parts_are_whole_ones_less_what_is_cut_out(part: Part, expected: Solid) -> None:
-    """Or tubes without a length. Measured 2e-15: what a difference leaves of rounding."""
+def test_a_hollow_part_is_the_difference_of_two_solid_ones(part: Part, expected: Solid) -> None:
+    """Or a tube of zero length. Measured 2e-15: rounding of the difference."""
     assert off(solid_of(part), expected) < 2e-14
 
 

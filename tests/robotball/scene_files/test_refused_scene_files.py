@@ -42,10 +42,10 @@ PATHS = {
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_a_path_to_no_scene_is_a_line(
+def test_a_path_without_a_scene_is_refused_in_one_line(
     path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A name that is unknown is answered by the nearest; what is there is not called missing."""
+    """An unknown name gets a suggestion; an existing file is not called missing."""
     monkeypatch.chdir(tmp_path)
     Path("mybot.xml").touch()
     Path("mybot.txt").touch()
@@ -57,7 +57,7 @@ def test_a_path_to_no_scene_is_a_line(
 
 
 WALL = "thickness = 0.004\n"
-# In fig12, by what stands there.
+# Changes to the text of fig12: (old, new, facts of the refusal).
 CHANGES = [
     # syntax
     ("[shell]", "[shell", "TOML"),
@@ -82,7 +82,7 @@ CHANGES = [
     ('rolling = "rubber"', 'rolling = "sliding"', "rolling 'sliding' rubber"),
     ('inertia = "thin"', 'inertia = "thick"', "shell.inertia 'thick' thin"),
     (SECTION, "attitude = [1.0, 0.0]", "attitude list 4 2"),
-    # values, of which the tests of bodies, starts and drives have the rest
+    # values; tests of bodies, starts and drives have the rest
     ("radius = 1.0", "radius = 0.0", "radius 0"),
     ("[0.46643401118350475,", "[inf,", "frame.inertia[0][0] 1e+50 inf"),
     ("axial = 0.023", "axial = nan", "rotor1.inertia.axial 1e+50 nan"),
@@ -94,17 +94,13 @@ STARTS = {
     "": "start section momentum",
     SECTION + "\nrest = true": "start rest section form",
     ATTITUDE: "start rest angular_velocity",
-    ATTITUDE + "rest = true\nmomentum = [1.0, 0.0, 0.0]":
-        "start attitude momentum rest form",
+    ATTITUDE + "rest = true\nmomentum = [1.0, 0.0, 0.0]": "start attitude momentum rest form",
     ATTITUDE + UP + "rest = true": "start attitude gamma rest form",
-    "gamma = [0.0, 0.0, 1.1]\nmomentum = [1.0, 0.0, 0.0]":
-        "gamma |gamma|~=~1.1",
+    "gamma = [0.0, 0.0, 1.1]\nmomentum = [1.0, 0.0, 0.0]": "gamma |gamma|~=~1.1",
     UP + "alpha = [0.9, 0.0, 0.0]\nrest = true": "alpha |alpha|~=~0.9",
-    "attitude = [1.0, 0.1, 0.0, 0.0]\nrest = true":
-        "attitude |attitude|~=~1.00499",
-    ATTITUDE + "angular_velocity = [0.0, 0.0, 2.5]":
-        "angular_velocity rubber (2.2)",
-}  # fmt: skip
+    "attitude = [1.0, 0.1, 0.0, 0.0]\nrest = true": "attitude |attitude|~=~1.00499",
+    ATTITUDE + "angular_velocity = [0.0, 0.0, 2.5]": "angular_velocity rubber (2.2)",
+}
 
 
 def parts(*several: str) -> str:
@@ -196,37 +192,26 @@ HINGES = {
     'drive = "servo"': "drive servo 'kv' N~m~s/rad",
     'drive = "position"\nangle = 0': "drive position 'kp' N~m/rad",
     'drive = "position"\nkp = 1': "drive position 'angle' rad",
-    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1':
-        "drive dc_motor 'no_load_speed' rad/s",
-    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1\nno_load_speed = 1\ngear = 0':
-        "motor gear 0",
+    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1': "drive dc_motor 'no_load_speed' rad/s",
+    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1\nno_load_speed = 1\ngear = 0': "motor gear 0",
     'drive = "torque"': "drive 'torque' N~m",
     'drive = "servo"\nkv = 0': "servo gain 0~N~m~s/rad",
     'drive = "servo"\nkv = 1\nkp = 1': 'kp "position" "servo"',
     "kv = 1": 'kv "servo" "prescribed"',
-    "torque_limit = 1":
-        'torque_limit "servo" "position" "dc_motor" "prescribed"',
-    'drive = "position"\nkp = 1\nangle = 1\nrate = 2':
-        'rate "prescribed" "servo" "position"',
-    "rate = 1\ninitial_rate = 2":
-        'initial_rate "servo" "position" "dc_motor" "torque"',
-    'drive = "servoo"':
-        "drive 'servoo' dc_motor free position prescribed",
-    'rate = { kind = "rmap", final = 1, end = 1 }':
-        "rate.kind 'rmap' ramp sine samples",
+    "torque_limit = 1": 'torque_limit "servo" "position" "dc_motor" "prescribed"',
+    'drive = "position"\nkp = 1\nangle = 1\nrate = 2': 'rate "prescribed" "servo" "position"',
+    "rate = 1\ninitial_rate = 2": 'initial_rate "servo" "position" "dc_motor" "torque"',
+    'drive = "servoo"': "drive 'servoo' dc_motor free position prescribed",
+    'rate = { kind = "rmap", final = 1, end = 1 }': "rate.kind 'rmap' ramp sine samples",
     "rate = { final = 1, end = 1 }": "rate 'kind' ramp sine samples",
     'rate = "fast"': "rate number table list text",
-    'rate = { kind = "samples", times = [0, 5] }':
-        "samples 'values' 'file'",
-    'rate = { kind = "samples", times = [0, 5], file = "x.csv" }':
-        "samples file times values",
+    'rate = { kind = "samples", times = [0, 5] }': "samples 'values' 'file'",
+    'rate = { kind = "samples", times = [0, 5], file = "x.csv" }': "samples file times values",
     'rate = { kind = "samples", file = "x.csv" }': "x.csv No~such~file",
-    'rate = { kind = "samples", file = "rpm.csv" }':
-        "rpm.csv rate rpm rad/s rad N~m",
-    'rate = { kind = "samples", file = "many.csv" }':
-        "many.csv two t a b",
+    'rate = { kind = "samples", file = "rpm.csv" }': "rpm.csv rate rpm rad/s rad N~m",
+    'rate = { kind = "samples", file = "many.csv" }': "many.csv two t a b",
     'rate = { kind = "samples", file = "late.csv" }': "late.csv times samples",
-}  # fmt: skip
+}
 
 HUNG = PENDULUM + BOB
 REFUSED = [
@@ -249,10 +234,10 @@ def refusal(text: Any, folder: Path) -> str:
 
 
 @pytest.mark.parametrize(("text", "body", "facts"), REFUSED, ids=[facts for *_, facts in REFUSED])
-def test_scene_that_cannot_be_used_is_refused_with_key_and_reason(
+def test_an_invalid_scene_is_refused_with_key_and_reason(
     tmp_path: Path, text: str, body: str, facts: str
 ) -> None:
-    """One line: the file, then the key or the body, then what is wrong and by how much."""
+    """One line: the file, the key or the body, and the fault with its value."""
     message = refusal(text, tmp_path)
     assert unnamed(facts, message) == []
     assert message.startswith(f"{tmp_path}/mine.toml: {body}")
@@ -297,10 +282,10 @@ ASKED = [
 
 
 @pytest.mark.parametrize(("text", "typed", "facts"), ASKED)
-def test_a_number_that_seems_to_be_in_another_unit_is_asked_back(
+def test_a_number_that_seems_to_be_in_another_unit_raises_a_question(
     text: str, typed: str, facts: str, tmp_path: Path
 ) -> None:
-    """In one line, with the key and the number in the key's unit."""
+    """In one line, with the key and the value in the expected unit."""
     scene = rb.load_scene(PROJECT / "examples" / "my_robot.toml")
     (tmp_path / "mine.toml").write_text(edited(text, typed, EXAMPLE))
     with pytest.warns(UnitWarning) as caught:
@@ -309,14 +294,14 @@ def test_a_number_that_seems_to_be_in_another_unit_is_asked_back(
     assert unnamed(facts, str(question.message)) == []
 
 
-def test_no_number_of_ours_is_asked_about(recwarn: pytest.WarningsRecorder) -> None:
-    """Of the catalog and the example, nor a motor of the class that the data sheet's page has."""
+def test_plausible_numbers_raise_no_question(recwarn: pytest.WarningsRecorder) -> None:
+    """For all catalog scenes and the example."""
     for path in (PROJECT / "examples" / "my_robot.toml", *CATALOG.glob("*.toml")):
         ask(path, rb.load_scene(path))
-    assert [str(each.message) for each in recwarn if each.category is UnitWarning] == []
+    assert [str(w.message) for w in recwarn if w.category is UnitWarning] == []
 
 
-# Scenes of many kinds of tables, without the texts about them.
+# Scenes with many kinds of tables, without their sources.
 NAMES = ("fig12", "steered_pendulum_robot", "inclined_plane", "swinging_frame")
 BARE = [
     re.sub(r'source = """[^"]*"""', "", text)

@@ -1,4 +1,4 @@
-"""Scenes are what their files say: bodies, hinges, a start told in any form; and docs/scene.md."""
+"""Scene files: bodies, hinges, every form of a start, the schema and docs/scene.md."""
 
 import re
 import tomllib
@@ -36,14 +36,14 @@ from tests.robotball.scene_files.scene_texts import (
 PAGE = PROJECT / "docs" / "scene.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.S)
 CLASSICAL = (CATALOG / "classical_regular.toml").read_text()
-# Fig. 12's ball with its rotor laid elsewhere, so that the frame's axes are not principal ones.
+# Fig. 12 with another rotor axis, so that the frame axes are not principal axes.
 AXIS = "[0.5876075828422094, 0.5876075828422094, 0.5562685117572915]"
 ASKEW = edited(AXIS, "[1.0, -2.0, 2.0]")
 ASKEW_CLASSICAL = edited('rolling = "rubber"', 'rolling = "classical"', ASKEW)
 
 
-def test_a_shell_is_told_by_its_wall() -> None:
-    """By thickness and mass, or density; parts on it move its centre of mass along the axis."""
+def test_a_shell_is_given_by_its_wall() -> None:
+    """By thickness and mass or density; parts shift its centre of mass along the axis."""
     by_mass = scene_of(robot()).ball.shell
     volume = 4 / 3 * np.pi * (0.2**3 - 0.196**3)
     dense = SHELL.replace("mass = 1.0", f"density = {1 / volume!r}")
@@ -54,14 +54,14 @@ def test_a_shell_is_told_by_its_wall() -> None:
     weighted = scene_of(robot(shell=SHELL + weight)).ball.shell
     assert weighted.mass == 1.5
     assert weighted.offset == pytest.approx(-0.05, rel=1e-14)
-    # Steiner, by hand: the wall and the disc about (0, -0.05, 0).
+    # Parallel axis theorem: wall and disc about (0, -0.05, 0).
     across = by_mass.axial_inertia + 0.05**2 + 0.5 * (0.03**2 / 4 + 0.1**2)
     assert weighted.axial_inertia == pytest.approx(by_mass.axial_inertia + 0.5 * 0.03**2 / 2)
     assert weighted.transverse_inertia == pytest.approx(across, rel=1e-14)
 
 
-def test_a_rotors_parts_lie_about_its_axis() -> None:
-    """A disc without an axis has the rotor's, of any length; the centre is where the parts' is."""
+def test_parts_of_a_rotor_are_aligned_with_its_axis() -> None:
+    """A disc without an axis takes that axis; the centre is the centre of mass of the parts."""
     disc = '[[rotor]]\naxis = [0, 0, 2]\npart = [{ kind = "disc", mass = 0.3, radius = 0.05, '
     rotor = scene_of(robot(rest=disc + "centre = [0.02, 0, 0] }]\n")).ball.rotors[0]
     assert rotor.mass == 0.3
@@ -69,16 +69,16 @@ def test_a_rotors_parts_lie_about_its_axis() -> None:
     np.testing.assert_array_equal([rotor.axis, rotor.centre], [[0, 0, 1], [0.02, 0, 0]])
 
 
-def test_a_pendulum_that_swings_out_of_the_shell_is_told(tmp_path: Path) -> None:
-    """At half a turn it is twice the pivot's height away; the warning is at the caller's line.
+def test_a_pendulum_that_swings_out_of_the_shell_gives_a_warning(tmp_path: Path) -> None:
+    """It is farthest away at 180°; the warning points at the line of the caller.
 
-    The file is as Windows writes it, with a byte order mark.
+    The file has Windows line ends and a byte order mark.
     """
     text = robot(rest=PENDULUM.replace("-0.02", "0.12") + BOB.replace("-0.11", "0.0"))
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8-sig", newline="\r\n")
-    with pytest.warns(rb.SceneWarning, match=naming("pendulum1 shell 0.2419~m")) as said:
+    with pytest.warns(rb.SceneWarning, match=naming("pendulum1 shell 0.2419~m")) as caught:
         rb.load_scene(tmp_path / "mine.toml")
-    assert said[0].filename == __file__
+    assert caught[0].filename == __file__
 
 
 LINES = (
@@ -88,55 +88,61 @@ LINES = (
 
 
 @pytest.mark.parametrize("part", LINES)
-def test_a_point_or_a_thin_rod_is_a_pendulum(part: str) -> None:
-    """It swings as with its exact moments, none about its line, to what is added; so in MuJoCo."""
+def test_a_point_mass_or_a_thin_rod_may_be_a_pendulum(part: str) -> None:
+    """A tiny inertia is added to its zero moments, with little effect on the motion."""
     swing = 'drive = "free"\ninitial_angle = 0.7\n'
     scene = scene_of(robot(rest=f"{PENDULUM}{swing}part = [{{ mass = 0.5, {part} }}]\n"))
     (bob,), times = scene.ball.pendulums, rb.sample_times(2.0)
     thin = replace(bob, inertia=bob.inertia - 0.999e-9 * 0.5 * 0.2**2 * np.eye(3))
     ideal = scene.with_hinges(body={"pendulum1": thin})
     exact = rb.integrate(scene, times)
-    # Measured 3e-9 and 4e-9, the moments added; 1.2e-10 and 8e-11, RK4's.
+    # Measured 3e-9 and 4e-9, from the added inertia; 1.2e-10 and 8e-11, error of RK4.
     assert path_error(rb.integrate(ideal, times), exact) < 1e-8
     assert path_error(rb.simulate(scene, times, settings="accurate"), exact) < 3e-10
 
 
 def test_a_plane_may_be_inclined_and_rough() -> None:
-    """Gravity's direction is of any length; friction is told as it is."""
+    """The direction of gravity is normalized; friction coefficients are kept."""
     plane = "gravity_direction = [0.3, 0, -0.4]\n[friction]\nsliding = 0.8\nrolling = 1e-3\n"
     scene = scene_of(robot(plane))
     assert scene.gravity_direction == pytest.approx((0.6, 0.0, -0.8), abs=1e-16)
     assert scene.friction == Friction(0.8, None, 1e-3)
 
 
-def test_hinges_are_moved_as_told(tmp_path: Path) -> None:
-    """Motors, commands, one of them in a file, and what the hinges start with."""
+def test_hinges_have_motors_commands_and_initial_states(tmp_path: Path) -> None:
+    """For every kind of motor; one command is in a file."""
     (tmp_path / "rate.csv").write_text("time,rate\ns,rad/s\n0,4\n2.5,2\n5,0.5\n")
     text = robot(
         frame=FRAME + 'drive = "servo"\nkv = 2.0\nrate = 3.0\narmature = 0.01\n',
         rest=PENDULUM + BOB + 'drive = "position"\nkp = 6.0\nkd = 0.3\nangle = 0.5\n'
         "torque_limit = 0.7\ninitial_angle = 0.2\n"
-        + PENDULUM + BOB + 'drive = "torque"\ntorque = [0.1, { kind = "sine", amplitude = 0.2, '
+        + PENDULUM
+        + BOB
+        + 'drive = "torque"\ntorque = [0.1, { kind = "sine", amplitude = 0.2, '
         "frequency = 1.0 }]\ninitial_rate = -1.0\n"
-        + PENDULUM + BOB + 'drive = "free"\ndamping = 0.01\nstiffness = 0.3\nrest = 0.5\n'
-        + PENDULUM + BOB + 'rate = { kind = "samples", file = "rate.csv" }\n',
-    )  # fmt: skip
+        + PENDULUM
+        + BOB
+        + 'drive = "free"\ndamping = 0.01\nstiffness = 0.3\nrest = 0.5\n'
+        + PENDULUM
+        + BOB
+        + 'rate = { kind = "samples", file = "rate.csv" }\n',
+    )
     scene = scene_of(text, tmp_path)
-    frame, position, torque, free, given = scene.hinges
+    frame, position, torque, free, prescribed = scene.hinges
     assert frame.motor == rb.Servo(2.0, None, 0.01)
     assert position.motor == rb.PositionServo(6.0, 0.3, 0.7)
     assert torque.motor == rb.Torque()
     assert free.motor == rb.Free(0.01, 0.3, 0.5)
-    assert given.motor is None
+    assert prescribed.motor is None
     assert position.command.rate(1.0) == 0.5
     assert torque.command.rate(0.25) == pytest.approx(0.3)
-    assert given.command == rb.Samples(times=(0.0, 2.5, 5.0), values=(4.0, 2.0, 0.5))
+    assert prescribed.command == rb.Samples(times=(0.0, 2.5, 5.0), values=(4.0, 2.0, 0.5))
     assert [hinge.angle for hinge in scene.hinges] == [0.0, 0.2, 0.0, 0.0, 0.0]
     assert [hinge.rate for hinge in scene.hinges] == [3.0, 0.0, -1.0, 0.0, 4.0]
 
 
-def test_an_angular_velocity_starts_any_robot() -> None:
-    """It is the one that the start's momentum gives back, whatever turns at the start."""
+def test_any_robot_may_start_with_an_angular_velocity() -> None:
+    """The initial momentum gives the same ω, also with rotating hinges."""
     start = START.replace("[0, 0, 0]", "[1.0, -2.0, 0.5]")
     turning = "initial_angle = 0.4\ninitial_rate = 3.0\ndrive = 'free'\n"
     scene = scene_of(robot(rest=PENDULUM + BOB + turning, start=start))
@@ -147,9 +153,9 @@ def test_an_angular_velocity_starts_any_robot() -> None:
 
 @pytest.mark.parametrize("text", [ASKEW, ASKEW_CLASSICAL], ids=["rubber", "classical"])
 def test_every_form_of_a_start_gives_the_same_start(text: str) -> None:
-    """The section's state, given as γ and M, as attitudes and as ω, is the same state.
+    """Section coordinates, γ or attitude, and M or ω.
 
-    For a ball whose frame axes are askew, L and g = 0 of (5.5) hold in the principal axes.
+    If the frame axes are not principal, L and g = 0 of (5.5) refer to the principal axes.
     """
     scene = scene_of(text)
     R, M = rotation_matrix(scene.start.attitude), scene.start.momentum
@@ -170,15 +176,15 @@ def test_every_form_of_a_start_gives_the_same_start(text: str) -> None:
 
 
 def test_section_with_c_gives_a_momentum_with_a_vertical_part() -> None:
-    """c of (5.5) is (M, γ), which is M's world Z."""
+    """c of (5.5) is (M, γ), the world Z component of M."""
     start = "section = { L = 3.6, l = 0.6, g = 0.3, f = 25.0, c = 3.0 }"
     M = scene_of(edited(SECTION, start, CLASSICAL)).start.momentum
     # Rounding of numbers up to 5; measured 4.4e-16.
     assert np.abs(M - [-4.0, 0.0, 3.0]).max() < 5e-15
 
 
-def test_rest_is_no_momentum_and_standing_still_is_another_start() -> None:
-    """A rotor that turns at the start turns a ball with M = 0; a written file says so."""
+def test_a_start_with_zero_momentum_differs_from_zero_angular_velocity() -> None:
+    """With M = 0 a rotating rotor makes the ball rotate; a written file has a comment on it."""
     attitude = "attitude = [0.6, 0.0, 0.8, 0.0]\n"
     rest, still = (
         scene_of(edited(SECTION, attitude + form, CLASSICAL))
@@ -193,7 +199,7 @@ def test_rest_is_no_momentum_and_standing_still_is_another_start() -> None:
     assert "# M = 0" not in rb.scene_toml(still)
 
 
-def test_the_page_and_the_schema_are_what_is_generated() -> None:
+def test_the_page_and_the_schema_are_up_to_date() -> None:
     """`python -m bench.scene_page` changes nothing."""
     assert PAGE.read_text() == page()
     assert PAGE.with_name("scene.schema.json").read_text() == schema()
@@ -203,7 +209,7 @@ VALIDATOR = jsonschema.Draft202012Validator(rb.scene_schema())
 
 
 def schema_errors(text: str) -> list[str]:
-    """The paths and messages of the errors that an independent validator finds."""
+    """Return paths and messages of the errors found by an independent validator."""
     return [f"{e.json_path}: {e.message}" for e in VALIDATOR.iter_errors(tomllib.loads(text))]
 
 
@@ -227,20 +233,20 @@ def test_schema_refuses_misspelt_keys_and_impossible_numbers() -> None:
 
 
 def whole(example: str) -> str:
-    """The example with what a scene needs besides."""
-    has = tomllib.loads(example)
-    if "robot" in has:
+    """Return the example completed to a whole scene."""
+    given_keys = tomllib.loads(example)
+    if "robot" in given_keys:
         return example
-    head = [line for line in HEAD.splitlines() if line.split()[0] not in has]
+    head = [line for line in HEAD.splitlines() if line.split()[0] not in given_keys]
     tables = {"shell": SHELL, "frame": FRAME, "start": START}
-    left_out = ("shell", "frame") if "numbers" in has else ()
-    rest = [text for key, text in tables.items() if key not in (*has, *left_out)]
+    left_out = ("shell", "frame") if "numbers" in given_keys else ()
+    rest = [text for key, text in tables.items() if key not in (*given_keys, *left_out)]
     return "\n".join([*head, example, *rest])
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
-def test_every_example_is_a_scene(tmp_path: Path, example: str) -> None:
-    """With tables of others for what it does not tell, beside the files that it names."""
+def test_every_documented_example_loads(tmp_path: Path, example: str) -> None:
+    """Missing tables and the files that it refers to are added."""
     (tmp_path / "robot.urdf").write_text(URDF)
     chassis = '<body name="chassis"><geom size=".05" mass="1"/></body>'
     (tmp_path / "robot.xml").write_text(f"<mujoco><worldbody>{chassis}</worldbody></mujoco>")
@@ -251,7 +257,8 @@ def test_every_example_is_a_scene(tmp_path: Path, example: str) -> None:
 
 
 def test_every_key_is_in_an_example() -> None:
-    tables = [each for each in vars(scene_tables).values() if hasattr(each, "__struct_fields__")]
+    members = vars(scene_tables).values()
+    tables = [member for member in members if hasattr(member, "__struct_fields__")]
     keys = {key for table in tables for key in table.__struct_fields__}
     shown = set(re.findall(r"\b(\w+)(?: = |\.|\])", "\n".join(EXAMPLES)))
     assert len(keys) > 50

@@ -1,4 +1,4 @@
-"""Compiled code is kept in a folder of its user's own, and compiled anew where it is unusable."""
+"""Compiled code is cached in a private folder of its user, and recompiled if it is unusable."""
 
 import os
 import resource
@@ -22,7 +22,7 @@ from tests.messages import naming, unnamed
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty cache of one's own, and an empty temporary folder; warnings begin anew."""
+    """An empty cache and an empty temporary folder; one-time warnings are reset."""
     (tmp_path / "tmp").mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
@@ -32,15 +32,15 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def compiled(source: str = "2 x", **options: Any) -> tuple[float, int]:
-    """Return a compiled function's value at 3, and how often it was compiled and not loaded."""
+    """Return the value of a compiled function at 3, and its number of cache misses."""
     double: Any = kept.compiled_from(source, "f8(f8)", **options)(lambda x: 2.0 * x)
     return double(3.0), double.code.stats.cache_misses.total()
 
 
-def test_what_is_kept_is_loaded(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second time nothing is compiled, unless the source is another, or an option.
+def test_cached_code_is_loaded(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code is recompiled only if its source or an option changes.
 
-    Each processor has a folder of its own, for homes that several machines share.
+    Each processor has a separate folder, since machines may share a home.
     """
     assert [compiled(), compiled(), compiled("x + x")] == [(6.0, 1), (6.0, 0), (6.0, 1)]
     loose: dict[str, Any] = {"fastmath": {"nsz", "contract"}}
@@ -50,10 +50,10 @@ def test_what_is_kept_is_loaded(home: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert kept._folder_for("2 x", {}) not in set(home.iterdir())
 
 
-def test_a_line_says_that_something_is_compiled(
+def test_the_first_compilation_is_announced_in_one_line(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """On standard error, once in a process, and not where what is kept is loaded or only named."""
+    """On standard error, once per process; not for cached code, nor before the first call."""
     kept.compiled_from("never called", "f8(f8)")(lambda x: x)
     assert (*capsys.readouterr(), home.exists()) == ("", "", False)
     compiled()
@@ -66,10 +66,10 @@ def test_a_line_says_that_something_is_compiled(
 
 
 @pytest.mark.parametrize("on_terminal", [True, False])
-def test_set_up_shows_how_much_is_compiled(
+def test_set_up_shows_the_progress_of_compilation(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], on_terminal: bool
 ) -> None:
-    """A terminal gets one line that counts up, and a log the last count alone."""
+    """A counting line on a terminal; only the final count in a log."""
     monkeypatch.setattr(kept.Compiled, "code", None)
     monkeypatch.setattr(steppers, "stepper", lambda *_: None)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: on_terminal)
@@ -79,8 +79,8 @@ def test_set_up_shows_how_much_is_compiled(
     assert capsys.readouterr().err == counts + "robotball: compiled 14 of 14\n"
 
 
-def test_a_kept_file_that_others_may_write_is_not_loaded(home: Path) -> None:
-    """The function is compiled anew, with a warning that names the file."""
+def test_a_cached_file_that_others_may_write_is_not_loaded(home: Path) -> None:
+    """The function is recompiled, with a warning that names the file."""
     compiled()
     (file,) = home.rglob("*.nbc")
     file.chmod(0o666)
@@ -93,20 +93,17 @@ CUT = [("nbi", 0), ("nbc", 0), ("nbi", 40), ("nbc", 400)]
 
 @pytest.mark.parametrize(("ending", "kept_bytes"), CUT)
 def test_a_damaged_file_is_replaced(home: Path, ending: str, kept_bytes: int) -> None:
-    """An index or code: compiled anew, with the right result, and loaded the next time.
-
-    It is cut short, or no code at all.
-    """
+    """A truncated or overwritten index or object file is recompiled, and loaded the next time."""
     compiled()
     (file,) = home.rglob(f"*.{ending}")
     file.write_bytes(file.read_bytes()[:kept_bytes])
     assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
-    file.write_bytes(b"no code " * 1000)
+    file.write_bytes(b"garbage " * 1000)
     assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
 
 
-def test_a_full_disk_is_a_warning(home: Path) -> None:
-    """The code works; it is only not kept, and no half of it either."""
+def test_a_full_disk_gives_a_warning(home: Path) -> None:
+    """The compiled code works, and no partial file is left in the cache."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
     try:
@@ -117,18 +114,18 @@ def test_a_full_disk_is_a_warning(home: Path) -> None:
     assert [file for file in home.rglob("*") if file.is_file()] == []
 
 
-def test_code_is_kept_in_no_folder_that_was_not_checked(
+def test_code_is_never_cached_in_an_unchecked_folder(
     home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where its folder cannot be written, numba would go on to the one of the source file."""
+    """If the folder is not writable, numba would fall back to the folder of the source file."""
     monkeypatch.setattr(caching.UserProvidedCacheLocator, "from_function", lambda *_: None)
     with pytest.warns(SceneWarning, match=naming("compiled cached")):
         assert compiled()[0] == 6.0
 
 
 @pytest.mark.slow
-def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) -> None:
-    """Two begin together with an empty folder: both are right, and what is left can be loaded."""
+def test_processes_may_compile_the_same_code_at_once(home: Path) -> None:
+    """Two processes start with an empty cache: both results are right, and the file is loadable."""
     script = home.parents[1] / "doubled.py"
     script.write_text(
         "from robotball.theory.compiled import compiled_from\n"
@@ -137,7 +134,7 @@ def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) ->
     )
     command = [sys.executable, str(script)]
     both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    assert [each.communicate()[0].split()[0] for each in both] == ["6.0"] * 2
+    assert [process.communicate()[0].split()[0] for process in both] == ["6.0"] * 2
     assert subprocess.check_output(command, text=True).split() == ["6.0", "0"]
     assert len([*home.rglob("*.nbc")]) == 1
     assert list(home.rglob("*.tmp.*")) == []
@@ -147,11 +144,11 @@ def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) ->
 def test_a_folder_that_others_may_write_is_not_used(
     home: Path, mode: int | None, used: bool
 ) -> None:
-    """Without a home a temporary folder is made with mode 700, and used.
+    """Without a home, a temporary folder with mode 700 is used.
 
-    What is loaded from one of others would be run: nothing is kept, and a warning says so once.
+    A folder that others may write could contain their code: nothing is cached, with one warning.
     """
-    home.parent.write_text("in the place of a home")
+    home.parent.write_text("a file instead of the cache folder")
     folder = Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"
     if mode is not None:
         folder.mkdir()
@@ -167,7 +164,7 @@ def test_a_folder_that_others_may_write_is_not_used(
 
 
 def test_a_folder_of_another_user_is_not_used(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither at home nor under the temporary folder, whatever its mode."""
+    """Neither in the home nor in the temporary folder, whatever its mode."""
     home.mkdir(parents=True, mode=0o700)
     stranger = os.getuid() + 1
     monkeypatch.setattr(os, "getuid", lambda: stranger)
@@ -177,7 +174,7 @@ def test_a_folder_of_another_user_is_not_used(home: Path, monkeypatch: pytest.Mo
 
 
 def test_every_loop_and_system_is_compiled_ahead() -> None:
-    """The list of `ahead` has everything in the package that is compiled."""
+    """The lists of `ahead` contain every compiled loop and system of the package."""
     modules = [module for name, module in sys.modules.items() if name.startswith("robotball.")]
     values = [value for module in modules for value in vars(module).values()]
     loops = {id(value) for value in values if isinstance(value, kept.Compiled)}

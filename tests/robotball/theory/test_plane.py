@@ -1,4 +1,4 @@
-"""A plane that moves: in space and as it is seen from the plane, by equations and by engines."""
+"""A moving plane, in the frame of space and in the frame of the plane: equations and engines."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -49,7 +49,7 @@ def shaken(rng: np.random.Generator) -> rb.Scene:
 
 
 def off_by(form: SecondForm, scene: rb.Scene) -> float:
-    """The largest difference after some time: place in space, hinges, force over the weight."""
+    """Return the largest difference after SECONDS: position, hinges, and force over weight."""
     march = March(System(scene), LEAST_RTOL, SECONDS, 10_000)
     times, count = np.array([0.0, SECONDS]), len(scene.hinges)
     states, numbers = march.run(times)
@@ -65,10 +65,10 @@ def off_by(form: SecondForm, scene: rb.Scene) -> float:
     return float(np.abs(np.concatenate(differences)).max())
 
 
-def test_robots_move_in_space_as_newton_and_euler_say() -> None:
-    """In space the constraint has the plane's velocity, and gravity stays: no formula is shared.
+def test_robots_on_a_moving_plane_obey_the_newton_euler_equations() -> None:
+    """The second form works in space, with a moving constraint, and shares no formula.
 
-    Both integrators' errors, measured 8.8e-13. A plane that moves the other way differs.
+    Measured 8.8e-13, errors of both integrators. A plane that moves the opposite way differs.
     """
     rng = np.random.default_rng(3)
     for _ in range(3):
@@ -79,57 +79,57 @@ def test_robots_move_in_space_as_newton_and_euler_say() -> None:
 
 
 def energy_in_space(motion: rb.Motion) -> Array:
-    """T + V (n,) of a motion in space [J]."""
+    """Return the energy T + V (n,) of a motion in space [J]."""
     scene, robot, times = motion.scene, motion.scene.robot, motion.times
     states = robot.states(
         motion.gamma, motion.hinge_angles, motion.angular_velocity, motion.hinge_rates
     )
     to_world, masses = rotation_matrix(motion.attitude), robot.bodies[:, 0]
     moving = np.einsum("nij,bnj->bni", to_world, states.velocities)
-    plane = np.stack([each.angle(times) for each in scene.plane_drives], axis=1)
-    # Of v + V; the rest of the kinetic energy is as it is seen from the plane.
+    plane = np.stack([drive.angle(times) for drive in scene.plane_drives], axis=1)
+    # (v + V)²/2 less v²/2, which the frame of the plane already includes.
     more = (moving * plane).sum(axis=2) + (plane**2).sum(axis=1) / 2
     kinetic = (states.u * states.momenta).sum(axis=0) / 2 + masses @ more
     centre = np.einsum("nij,nj->ni", to_world, states.centre_of_mass) + rb.in_space(motion)
     return np.asarray(kinetic - robot.mass * centre @ scene.gravity_world)
 
 
-def test_energy_in_space_is_what_motors_and_the_plane_give() -> None:
-    """Measured 2.3e-14 of the plane's work; without that work it changes by all of it."""
+def test_the_energy_in_space_changes_by_the_work_of_motors_and_plane() -> None:
+    """Measured 2.3e-14 of the work of the plane."""
     scene = moved(rb.load_scene("pendulum_robot"), *VIBRATED.plane_motion)
     motion = rb.integrate(scene, rb.sample_times(3.0))
     assert motion.motor_work is not None
     assert motion.plane_work is not None
     assert motion.rolling_loss is not None
-    given = motion.motor_work.sum(axis=1) - motion.rolling_loss
-    kept, scale = energy_in_space(motion) - given, np.ptp(motion.plane_work)
+    work = motion.motor_work.sum(axis=1) - motion.rolling_loss
+    kept, scale = energy_in_space(motion) - work, np.ptp(motion.plane_work)
     assert np.ptp(kept - motion.plane_work) < 1e-12 * scale
     assert np.ptp(kept) > 0.9 * scale
     assert rb.integrate(rb.load_scene("pendulum_robot"), TIMES).plane_work is None
 
 
-def test_energy_in_space_is_what_the_plane_and_motors_give_in_mujoco() -> None:
-    """By its own forces; without the work of the plane the energy changes by all of it."""
+def test_the_energy_in_mujoco_changes_by_the_work_of_motors_and_plane() -> None:
+    """With the contact forces and motor torques of MuJoCo."""
     motion = rb.simulate(VIBRATED, times := rb.sample_times(0.5, 0.0025))
-    plane = np.stack([each.angle(times) for each in VIBRATED.plane_drives], axis=1)
+    plane = np.stack([drive.angle(times) for drive in VIBRATED.plane_drives], axis=1)
     motors = (motion.loads.motor_torques * motion.hinge_rates).sum(axis=1)
     by_plane, by_motors = (
         CubicSpline(times, power).antiderivative()(times)
         for power in ((motion.loads.contact_force * plane).sum(axis=1), motors)
     )
     kept, scale = energy_in_space(motion) - by_motors, np.ptp(by_plane)
-    assert np.ptp(kept - by_plane) < 1e-7 * scale  # measured 4e-9, of the sum over samples
+    assert np.ptp(kept - by_plane) < 1e-7 * scale  # measured 4e-9: error of the quadrature
     assert np.ptp(kept) > 0.9 * scale
 
 
-def test_a_plane_that_moves_up_and_down_only_presses_a_balanced_ball() -> None:
-    """Path and M stay to the last bit, by the reduced equations; the load is m (g + A)."""
+def test_vertical_motion_of_the_plane_only_changes_the_load_of_a_balanced_ball() -> None:
+    """Path and M do not change by a bit in the reduced equations; the load is m (g + A)."""
     up = sine(5.0, 4.0, 0.3)
     still, theory = rb.integrate(FIG12, TIMES), rb.integrate(moved(FIG12, 0.0, 0.0, up), TIMES)
     assert theory.engine == still.engine
     assert (theory.contact_point == still.contact_point).all()
     expected = FIG12.ball.mass * (FIG12.gravity + up.rate(TIMES))
-    # Measured 4e-15 and 4e-14 of the weight: rounding, also of fast rotors by the other equations.
+    # Measured 4e-15 and, with fast rotors in the other equations, 4e-14 of the weight: rounding.
     assert np.allclose(theory.loads.normal_force, expected, rtol=1e-13)
     any_robot = rb.integrate(theory.scene, TIMES, equations="multibody")
     assert np.allclose(any_robot.loads.normal_force, expected, rtol=1e-12)
@@ -138,23 +138,23 @@ def test_a_plane_that_moves_up_and_down_only_presses_a_balanced_ball() -> None:
     assert not moved(FIG12, 0.1, 0.0, up).keeps_momentum
 
 
-def test_a_constant_acceleration_is_an_inclined_plane() -> None:
-    """Of tan(slope) = A/g, with a gravity of sqrt(g² + A²); it is steady."""
+def test_a_constant_acceleration_is_equivalent_to_an_inclined_plane() -> None:
+    """With tan(slope) = A/g and gravity sqrt(g² + A²)."""
     g, A = FIG12.gravity, 0.7
     pushed = moved(VIBRATED, -A, 0.0, 0.0)
     down = np.array([A, 0.0, -g]) / np.hypot(A, g)
     tilted = replace(
         pushed, plane_motion=(0.0,) * 3, gravity=np.hypot(A, g), gravity_direction=tuple(down)
     )
-    one, other = (rb.integrate(each, TIMES) for each in (pushed, tilted))
+    one, other = (rb.integrate(scene, TIMES) for scene in (pushed, tilted))
     assert path_error(one, other) < 1e-13  # measured 4.6e-15
     assert pushed.steady
-    seen = [rb.simulate(each, TIMES) for each in (pushed, tilted)]
-    assert path_error(*seen) < 1e-12  # measured 1.0e-16
+    motions = [rb.simulate(scene, TIMES) for scene in (pushed, tilted)]
+    assert path_error(*motions) < 1e-12  # measured 1.0e-16
 
 
-def test_both_engines_agree_on_a_plane_that_moves_any_way() -> None:
-    """Over 10 s by *accurate*; a plane that moves the other way is elsewhere."""
+def test_both_engines_agree_on_a_moving_plane() -> None:
+    """Over 10 s with "accurate"; a plane that moves the opposite way gives another path."""
     theory = rb.integrate(VIBRATED)
     motion = rb.simulate(VIBRATED, settings="accurate")
     assert motion.report.faults == ()
@@ -163,17 +163,17 @@ def test_both_engines_agree_on_a_plane_that_moves_any_way() -> None:
     assert path_error(rb.integrate(other), theory) > 1e-2
 
 
-def test_gravity_is_set_at_every_stage_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    """RK4 keeps its order; where gravity is held over each step it is of the first.
+def test_gravity_is_updated_at_every_stage_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise RK4 would be of first order.
 
-    Measured 16.1, and 2.0 for gravity that is held.
+    Half the step reduces the error by 16.1 (measured), and by 2.0 if gravity is held over a step.
     """
     theory, steps = rb.integrate(VIBRATED, TIMES), (10e-3, 5e-3)
     settings = [replace(rb.preset("balanced"), timestep=step) for step in steps]
 
     def gain() -> float:
         errors = [
-            path_error(rb.simulate(VIBRATED, TIMES, settings=each), theory) for each in settings
+            path_error(rb.simulate(VIBRATED, TIMES, settings=preset), theory) for preset in settings
         ]
         return errors[0] / errors[1]
 
@@ -190,11 +190,11 @@ def test_gravity_is_set_at_every_stage_of_a_step(monkeypatch: pytest.MonkeyPatch
     assert gain() < 3
 
 
-def test_adaptive_keeps_its_promise_on_a_vibrated_plane() -> None:
-    """Path, M and vertical over the 4 s in which the ball swings itself up.
+def test_adaptive_is_accurate_on_a_vibrated_plane() -> None:
+    """Path, M and γ over the 4 s in which the ball swings itself up.
 
-    Measured 7.5e-13, 6.0e-13 and 1.3e-12 rad, of the contact's depth; with the contact of a plane
-    that stands 1.2e-11, 9.9e-12 and 2.1e-11 rad.
+    Measured 7.5e-13, 6.0e-13 and 1.3e-12 rad, from the contact depth; with the contact settings of
+    a fixed plane 1.2e-11, 9.9e-12 and 2.1e-11 rad.
     """
     pair = pair_of(VIBRATED, "adaptive", rb.sample_times(4.0))
     assert pair.report.faults == ()
@@ -204,8 +204,8 @@ def test_adaptive_keeps_its_promise_on_a_vibrated_plane() -> None:
     assert vertical < 3.9e-12
 
 
-def test_where_the_ball_is_in_space() -> None:
-    """A sine at its turning point, a ramp, and a push; the plane's own motion is added."""
+def test_the_position_in_space_includes_the_displacement_of_the_plane() -> None:
+    """Closed forms for a constant acceleration, a ramp, and a sine that starts at its crest."""
     push, ramp = 0.2, rb.Ramp(final=1.0, start=0.2, end=0.6)
     w, t = 2 * np.pi * 3.0, TIMES
     scene = moved(FIG12, push, ramp, sine(2.0, 3.0, np.pi / 2))
@@ -215,27 +215,26 @@ def test_where_the_ball_is_in_space() -> None:
     after = np.maximum(t - 0.6, 0.0)
     ramped = 0.4**2 * u**3 / 6 + 0.2 * after + after**2 / 2
     swung = 2 / w**2 * (1 - np.cos(w * t))
-    assert (
-        np.abs(plane - np.stack([push * t**2 / 2, ramped, swung], axis=1)).max() < 1e-14
-    )  # measured 2.2e-16
+    expected = np.stack([push * t**2 / 2, ramped, swung], axis=1)
+    assert np.abs(plane - expected).max() < 1e-14  # measured 2.2e-16
 
 
 def test_a_moving_plane_is_written_to_files(tmp_path: Path) -> None:
-    """To scene files, to the last bit; an export has it as formulas and as gravity in time."""
+    """Scene files reproduce it exactly; an export has its formulas and gravity over time."""
     motion = (0.5, rb.Ramp(final=1.0, end=0.4), rb.Sum((0.2, sine(2.0, 3.0))))
     scene = moved(VIBRATED, *motion)
     (tmp_path / "vibrated_ball.toml").write_text(rb.scene_toml(scene))
     assert rb.load_scene(tmp_path / "vibrated_ball.toml").plane_motion == motion
     rb.export_scene(scene, tmp_path / "out", TIMES)
     columns = np.genfromtxt(tmp_path / "out/drives.csv", delimiter=",", names=True, skip_header=2)
-    given = np.stack([columns[f"gravity_{axis}"] for axis in "XYZ"], axis=1)
-    assert (given == scene.gravity_at(TIMES)).all()
+    exported = np.stack([columns[f"gravity_{axis}"] for axis in "XYZ"], axis=1)
+    assert (exported == scene.gravity_at(TIMES)).all()
     assert '"plane_acceleration"' in (tmp_path / "out/scene.json").read_text()
 
 
 @pytest.mark.parametrize("name", [name for name in OURS if name not in ("mujoco", "multibody")])
-def test_engines_that_set_gravity_once_refuse_a_moving_plane(name: str) -> None:
-    """In a line; the others set it at every step."""
+def test_engines_with_constant_gravity_refuse_a_moving_plane(name: str) -> None:
+    """The other engines set gravity at every step."""
     engine, up = engine_named(name), moved(FIG12, 0.0, 0.0, sine(2.0, 3.0))
     sets = name in ("bullet", "dart", "pinocchio")
     assert (engine.cannot_express(up) is None) == sets

@@ -42,16 +42,21 @@ def scene_of(
         (Hinge(Frame(0.8, np.diag(moments)), 1.0), Hinge(rotor, rotor_rate)),
     )
     return rb.Scene(
-        name="edge", title="", source="", ball=ball, rolling=rolling,
-        start=Start(TILTED, np.array(momentum)), duration=duration,
-    )  # fmt: skip
+        name="edge",
+        title="",
+        source="",
+        ball=ball,
+        rolling=rolling,
+        start=Start(TILTED, np.array(momentum)),
+        duration=duration,
+    )
 
 
 def momentum_error(motion: rb.Motion) -> float:
-    """How far M, and M by the motion's ω and γ, are from the start's, in world axes.
+    """Return the change of M since the start, both as recorded and from ω and γ, in world axes.
 
-    Relative to the terms that M is the sum of, of |M|, |K|, d|Ω| and max(I + d) |ω| the largest: ω
-    is known to rounding of its length only, in axes that are known to rounding only.
+    Relative to the largest term of M: |M|, |K|, d|Ω| or max(I + d) |ω|, since ω and the principal
+    axes carry rounding errors.
     """
     scene, p, start = motion.scene, motion.scene.parameters, motion.scene.start.momentum
     omega, gamma = (v @ scene.principal_axes for v in (motion.angular_velocity, motion.gamma))
@@ -94,10 +99,10 @@ def test_invariants_hold_to_rounding(edge: str) -> None:
     assert length_error(motion) < 2e-15
 
 
-def test_a_long_motion_is_that_of_short_ones_and_keeps_the_invariants() -> None:
-    """In 2e4 s and 1.4e4 turns by the compiled step, the first 5 s are those of scipy's.
+def test_a_long_motion_agrees_with_a_short_one_and_conserves_the_invariants() -> None:
+    """2e4 s, or 1.4e4 rotations, with the compiled step; the first 5 s are compared with scipy.
 
-    The difference of two tolerances, measured 1.1e-13 m; 3.3e-16 of M and 2.2e-16 of the lengths.
+    Measured 1.1e-13 m, the difference of two tolerances; 3.3e-16 of M and 2.2e-16 of the lengths.
     """
     short = rb.integrate(FIG12, np.array([0.0, 2.5, 5.0]))
     long = rb.integrate(FIG12, np.array([0.0, 2.5, 5.0, 2e4]))
@@ -122,8 +127,8 @@ def test_the_error_falls_with_the_tolerance_as_it_is_estimated(name: str) -> Non
     assert slope == pytest.approx(1.0, abs=0.2)
 
 
-def test_two_motions_that_agree_by_chance_leave_rounding() -> None:
-    """No error is below a few roundings: 8.9e-16, where the other motion is the same to the bit."""
+def test_an_error_estimate_is_never_below_a_few_roundings() -> None:
+    """It is 8.9e-16 if both motions are equal to the last bit."""
     motion = rb.integrate(FIG12, np.array([0.0, 1.0]))
     assert replace(motion, again=lambda: motion.contact_point).reference_error == 2.0**-50
 
@@ -138,10 +143,12 @@ def right_path(scene: rb.Scene, times: Array) -> Array:
     # mode in a tenth of the time.
     stepper = hy.taylor_adaptive(
         equations_of(PATH, scene.parameters),
-        np.array([*starts.attitudes[0], 0.0, 0.0], dtype=np.longdouble), fp_type=np.longdouble,
-        tol=np.longdouble(1e-19), compact_mode=True,
+        np.array([*starts.attitudes[0], 0.0, 0.0], dtype=np.longdouble),
+        fp_type=np.longdouble,
+        tol=np.longdouble(1e-19),
+        compact_mode=True,
         pars=pars_of(starts)[0].astype(np.longdouble),
-    )  # fmt: skip
+    )
     states = stepper.propagate_grid(times.astype(np.longdouble))[5]
     return starts.turned_back(np.array(states[None, :, 4:], dtype=float))[0]
 
@@ -180,10 +187,10 @@ def turned(scene: rb.Scene, axes: Rotation, heading: Rotation) -> rb.Scene:
 
 @pytest.mark.parametrize("name", FOUR)
 def test_neither_axes_nor_heading_nor_samples_change_the_motion(name: str) -> None:
-    """The path is turned by the heading, ω and γ by the axes; its end is the same to the last bit.
+    """The heading rotates the path, the axes rotate ω and γ; samples change no bit of the end.
 
-    The principal axes are found anew and in another order, so every step rounds otherwise:
-    measured 1.6e-14 m, 1.1e-14 in γ and 8.2e-14 rad/s of 20.
+    Other principal axes round differently in every step: measured 1.6e-14 m, 1.1e-14 in γ and
+    8.2e-14 rad/s, of 20.
     """
     scene, times = rb.load_scene(name), np.linspace(0.0, 2.0, 11)
     axes, heading = Rotation.from_euler("zyx", (0.7, -1.1, 2.9)), Rotation.from_euler("z", -2.3)
@@ -221,23 +228,21 @@ REFUSED = {
     "at(0.0, np.inf)": "times finite",
     "rb.integrate(QUICK, max_steps=1000)": OFTEN,
     "rb.integrate(QUICK.with_hinges(command={'frame': SINE}), max_steps=1000)": OFTEN,
-    "rb.integrate(scene_of('rubber', EQUAL, (1e60, 0.0, 0.0)))":
-        "rad/s 1e+50",
-    "rb.integrate(scene_of('rubber', EQUAL, (0.0, 0.0, 0.0), duration=1e20))":
-        "1e+20~s 1e+21",
+    "rb.integrate(scene_of('rubber', EQUAL, (1e60, 0.0, 0.0)))": "rad/s 1e+50",
+    "rb.integrate(scene_of('rubber', EQUAL, (0.0, 0.0, 0.0), duration=1e20))": "1e+20~s 1e+21",
     "rb.integrate(FIG12, rtol=0.0)": "rtol 1e-15 1 0",
     "rb.integrate(FIG12, rtol=1.0)": "rtol less 1",
     "rb.integrate(FIG12, equations='reduce')": "'reduce' reduced",
-    "rb.design((1e-140,) * 3, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), radius=1.0)":
-        "A 1e-50 1e+50~1/(kg~m²)",
-    "rb.design((1.0,) * 3, (0.0, 0.0, 1.0), (1e170, 0.0, 0.0), radius=1.0)":
-        "K 1e+50 1e+170",
-}  # fmt: skip
+    "rb.design((1e-140,) * 3, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), radius=1.0)": (
+        "A 1e-50 1e+50~1/(kg~m²)"
+    ),
+    "rb.design((1.0,) * 3, (0.0, 0.0, 1.0), (1e170, 0.0, 0.0), radius=1.0)": "K 1e+50 1e+170",
+}
 
 
 @pytest.mark.parametrize(("snippet", "facts"), REFUSED.items())
-def test_what_has_no_motion_is_refused_in_a_line(snippet: str, facts: str) -> None:
-    """With the number and what to do; a ball beyond 1e50 rad/s before a step is taken."""
+def test_impossible_motions_are_refused(snippet: str, facts: str) -> None:
+    """With the value and the remedy; a ball beyond 1e50 rad/s is refused before the first step."""
     with pytest.raises(rb.InputError, match=naming(facts)):
         eval(snippet, globals())
 
@@ -276,10 +281,15 @@ def any_scene(rng: np.random.Generator) -> rb.Scene:
     momentum = direction() * ball.d * signed() * [1.0, 1.0, float(rolling == "classical")]
     ball = ball.with_hinges(command=[rate() for _ in parts])
     return rb.Scene(
-        name="any", title="", source="", ball=ball, rolling=rolling,
-        duration=size(), gravity=size(),
+        name="any",
+        title="",
+        source="",
+        ball=ball,
+        rolling=rolling,
+        duration=size(),
+        gravity=size(),
         start=Start(rng.choice([STILL, TILTED]), momentum),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.filterwarnings("error")

@@ -42,7 +42,7 @@ NUMBER = re.compile(r"(?<=[\"' ])[-+.\d][-+.\deE]*(?=[\"' ])")
 VALUE = re.compile(r'"[^"]*"')
 ELEMENT = re.compile(r"<[^<>]+/>")
 NUMBERS = ["nan", "inf", "-1", "0", "1e308", "-1e9", "1e-320", "1e400", "", "99999999999", "½"]
-# In the place of an attribute or element of MuJoCo's: more than a machine has.
+# Elements that need more memory than a machine has.
 LAUGHS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 12))
 HUGE = [
     '<asset><texture type="2d" builtin="flat" width="200000" height="200000"/></asset>',
@@ -62,12 +62,12 @@ def _spans(rng: random.Random, text: str) -> tuple[str, str, str]:
 
 
 def _replaced(rng: random.Random, text: str, pattern: re.Pattern[str], by: str) -> str:
-    found = rng.choice(list(pattern.finditer(text)))
-    return text[: found.start()] + by + text[found.end() :]
+    match = rng.choice(list(pattern.finditer(text)))
+    return text[: match.start()] + by + text[match.end() :]
 
 
 def _swapped(rng: random.Random, text: str) -> str:
-    one, other = rng.sample([each.group() for each in VALUE.finditer(text)], 2)
+    one, other = rng.sample([match.group() for match in VALUE.finditer(text)], 2)
     return text.replace(one, "\0").replace(other, one).replace("\0", other)
 
 
@@ -123,9 +123,9 @@ def damaged(seed: int, folder: Path) -> Path:
 
 def _largest_memory() -> int:
     """Return the most memory in bytes that this process or a child of it has held."""
-    # This process's own ru_maxrss begins at its parent's size, which is a test worker's.
-    (own,) = re.findall(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text())
-    return 1024 * max(int(own), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+    # ru_maxrss of this process starts at the size of its parent, a test worker.
+    (peak,) = re.findall(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text())
+    return 1024 * max(int(peak), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 
 
 def _report(folder: Path, seeds: list[int]) -> None:
@@ -137,7 +137,7 @@ def _report(folder: Path, seeds: list[int]) -> None:
             rb.integrate(rb.load_scene(str(damaged(seed, folder))), np.linspace(0.0, 0.1, 3))
         except rb.InputError as error:
             outcome = f"refused: {error}"
-        except Exception as error:  # what is sought
+        except Exception as error:  # the fault that this test looks for
             outcome = f"{type(error).__name__}: {error}"
         print(json.dumps([seed, KINDS[seed % len(KINDS)], outcome, _largest_memory()]), flush=True)
 

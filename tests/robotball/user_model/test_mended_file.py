@@ -1,4 +1,4 @@
-"""Changes to a robot's file: as text that compiles to the same robot with just these changes."""
+"""Changes to a robot file: its text compiles to the same robot with just these changes."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,8 +42,8 @@ ENDS = (
 
 
 @pytest.mark.parametrize("end", ENDS)
-def test_changes_are_what_they_set_and_nothing_else(tmp_path: Path, end: str) -> None:
-    """However the file ends; a pair in it is given way to, and words cannot close a comment."""
+def test_changes_set_their_values_and_nothing_else(tmp_path: Path, end: str) -> None:
+    """For any end of the file; a reason with "--" cannot close the comment that it is in."""
     path = tmp_path / "mine.xml"
     path.write_text(FIRST.read_text().rstrip().removesuffix("</mujoco>") + end)
     before = mujoco.MjModel.from_xml_path(str(path))
@@ -55,11 +55,12 @@ def test_changes_are_what_they_set_and_nothing_else(tmp_path: Path, end: str) ->
     assert model.pair_friction[0].tolist() == [20, 20, 0.005, 1e-4, 1e-4]
     assert model.pair_dim[0] == 3
     assert {model.geom(int(i)).name for i in (model.pair_geom1[0], model.pair_geom2[0])} == {
-        ours.sphere, ours.plane,
-    }  # fmt: skip
+        ours.sphere,
+        ours.plane,
+    }
     assert np.array_equal(model.body_mass, before.body_mass)
     assert np.array_equal(model.qpos0, before.qpos0)
-    # Twice changed it is still the same, as what is given last counts.
+    # A second change overrides the first.
     again = tmp_path / "again.xml"
     again.write_text(text)
     (step, *_) = CHANGES
@@ -68,7 +69,7 @@ def test_changes_are_what_they_set_and_nothing_else(tmp_path: Path, end: str) ->
     assert step.words not in text
 
 
-# Any character that XML may have but the controls, the likely culprits more often.
+# Any character allowed in XML except controls; troublesome ones more often.
 NAMES = st.text(
     st.sampled_from("\"'&<>-]= /{%")
     | st.characters(codec="utf-8", exclude_categories=["Cc"], exclude_characters="\ufffe\uffff"),
@@ -87,7 +88,7 @@ NAMED = """<mujoco model={0}><worldbody><geom name={1} type="plane" size="1 1 .1
 @example(['"', "'", "&quot;", "a\"'b", "--><mujoco/>", "pos='0 0 0'", "</mujoco>", " ", "é\u202e"])
 @example(["plane", "rolling_sphere", "body1", "body2", "a", "b", "c", "d", "e"])
 def test_every_name_survives_a_change(names: list[str]) -> None:
-    """Names of all elements, in a file that is moved and gets an exclude and a pair."""
+    """In a file that gets another start, an exclude and a pair."""
     text = NAMED.format(*map(quoteattr, names))
     with TemporaryDirectory() as folder:
         path = Path(folder) / "named.xml"
@@ -99,12 +100,12 @@ def test_every_name_survives_a_change(names: list[str]) -> None:
         model = compiled(ours.changed([*CHANGES[:2], START, exclude]))
     kept = [model.geom(0), model.body(1), model.geom(1), model.body(2), model.joint(1)]
     kept += [model.geom(2), model.actuator(0)]
-    assert [each.name for each in kept] == [*names[1:7], names[8]]
+    assert [element.name for element in kept] == [*names[1:7], names[8]]
     assert (model.npair, model.nexclude) == (1, 1)
 
 
-def test_parts_without_names_get_names_that_the_file_does_not_have(tmp_path: Path) -> None:
-    """Other parts of the file are called as the usual names of sphere, plane and body."""
+def test_unnamed_parts_get_unique_names(tmp_path: Path) -> None:
+    """The usual names of sphere, plane and body are taken by other elements."""
     path = tmp_path / "unnamed.xml"
     path.write_text(
         '<mujoco><worldbody><geom type="plane" size="1 1 .1"/><body pos="0 0 1"><freejoint/>'
@@ -117,8 +118,8 @@ def test_parts_without_names_get_names_that_the_file_does_not_have(tmp_path: Pat
     assert (model.body(1).name, model.nexclude) == ("body1_", 1)
 
 
-def test_a_start_is_moved_in_bodies_and_keyframes(tmp_path: Path) -> None:
-    """By the shift, where it is asked for alone; without a change the text is the file's own."""
+def test_a_start_is_shifted_in_bodies_and_keyframes(tmp_path: Path) -> None:
+    """Only if a change requests it; without changes the text of the file is kept."""
     ours = editable_of(FIRST, UP)
     before = compiled(ours.source)
     moved, still = compiled(ours.changed([START])), compiled(ours.changed(CHANGES))
@@ -131,8 +132,8 @@ def test_a_start_is_moved_in_bodies_and_keyframes(tmp_path: Path) -> None:
     assert ours.changed([]) == ours.text
 
 
-def test_a_keyframe_of_a_file_that_is_included_is_moved(tmp_path: Path) -> None:
-    """Its text is written by MuJoCo, with the place and the velocity at the keyframe changed."""
+def test_a_keyframe_of_an_included_file_is_shifted(tmp_path: Path) -> None:
+    """MuJoCo writes the text; position and velocity of the keyframe change."""
     (tmp_path / "ball.xml").write_text(
         '<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="ball" pos="0 0 1">'
         '<freejoint/><geom size=".2" mass="1"/></body></worldbody><keyframe>'
@@ -147,6 +148,6 @@ def test_a_keyframe_of_a_file_that_is_included_is_moved(tmp_path: Path) -> None:
 
 
 def test_a_text_that_does_not_compile_is_refused() -> None:
-    """With MuJoCo's own words."""
+    """The error contains the message of MuJoCo."""
     with pytest.raises(InputError, match=naming("nosuch")):
         compiled("<mujoco><worldbody><geom type='nosuch'/></worldbody></mujoco>")

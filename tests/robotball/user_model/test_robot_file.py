@@ -1,4 +1,4 @@
-"""A user's MJCF or URDF robot, as it is: its own model in fine steps rolls as its scene does."""
+"""Scenes of MJCF and URDF robots roll like the original model with fine steps."""
 
 import re
 import warnings
@@ -20,8 +20,8 @@ from tests.messages import naming, unnamed
 from tests.motions import pair_of
 from tests.robotball.scene_files.scene_texts import PLATE
 
-# The free joint is an inner body's. The shell is on a gimbal of it, with a weight glued on; one
-# motor pulls on both of the gimbal's joints, and another slides a mass.
+# An inner body has the free joint and carries the shell, with a weight, on a gimbal. One motor acts
+# on both joints of the gimbal, and another slides a mass.
 GIMBAL = """<mujoco><default><joint damping=".01" armature=".0002"/></default><worldbody>
 <geom type="plane" size="1 1 .1"/><body name="inner" pos="0 0 .2" euler="10 20 0"><freejoint/>
  <geom type="box" size=".05 .04 .03" mass="1" contype="0" conaffinity="0" pos="0 .01 -.05"/>
@@ -49,7 +49,7 @@ HULL = """<robot name="hull">
 <joint name="axle" type="continuous"><parent link="chassis"/><child link="hull"/>
  <axis xyz="0 1 0"/><dynamics damping=".02"/></joint></robot>"""
 
-# Actuators with states of their own: a filter, and an integrator that reaches its limit.
+# Actuators with internal states: a filter, and an integrator that reaches its limit.
 FILTERED = (
     PLATE.replace(
         '<motor name="drive" joint="axle" gear="2"',
@@ -62,7 +62,7 @@ FILTERED = (
     .replace('ctrl=".03 20"', 'ctrl=".12 20" act="-.02 1"')
 )
 
-# Limits of a joint and of a motor that are not the same both ways; a rotor of the motor's own.
+# Asymmetric limits of a joint and of a motor; armature and damping of the motor.
 LIMITED = (
     PLATE.replace(
         'gear="2" ctrlrange="-1 1"', 'gear="-2" ctrlrange="-.5 .5" armature=".0004" damping=".002"'
@@ -72,7 +72,7 @@ LIMITED = (
     .replace('ctrl=".03 20"', 'ctrl="-.2 8"')
 )
 
-# With each a change that its own model does not have, and the scene then rolls elsewhere.
+# Each with a change that alters the motion of the scene (control of the test).
 ROBOTS = {
     "plate.xml": (PLATE, 'gear="2"', 'gear="-2"'),
     "gimbal.xml": (GIMBAL, 'coef="-1"', 'coef="1"'),
@@ -97,7 +97,7 @@ def written(folder: Path, name: str, text: str) -> Path:
 def own_steps(
     robot: RobotFile, times: Array, controls: Mapping[str, Callable[[float], float]] = {}
 ) -> Array:
-    """The contact point (n, 2) of the user's own model, its contact stiffer and its steps finer."""
+    """Return contact points (n, 2) of the user's model with a stiffer contact and finer steps."""
     model = robot.model
     model.opt.timestep, model.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
     model.opt.cone, model.opt.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 100
@@ -118,11 +118,10 @@ def own_steps(
 
 @pytest.mark.usefixtures("trusted")
 @pytest.mark.parametrize("name", ROBOTS)
-def test_a_robots_scene_rolls_as_its_own_model_in_fine_steps(name: str, tmp_path: Path) -> None:
-    """Wherever the file has its root, with gears, tendons, servos, filters, slides and springs.
+def test_a_scene_rolls_like_the_original_model_with_fine_steps(name: str, tmp_path: Path) -> None:
+    """For any root body, with gears, tendons, servos, filters, slides and springs.
 
-    Measured 3.3e-6, 3.6e-5, 7.4e-6, 7.0e-5 and 2.1e-6 of the path; the softness of the contact
-    dominates.
+    Measured 3.3e-6, 3.6e-5, 7.4e-6, 7.0e-5 and 2.1e-6 of the path, from the soft contact.
     """
     text, old, new = ROBOTS[name]
     path, times = written(tmp_path, name, text), np.linspace(0.0, 0.6, 13)
@@ -139,8 +138,8 @@ def test_a_robots_scene_rolls_as_its_own_model_in_fine_steps(name: str, tmp_path
 
 
 @pytest.mark.usefixtures("trusted")
-def test_controls_change_in_time(tmp_path: Path) -> None:
-    """Through a filter and an integrator; measured 4.3e-5 of the path, as of constant ones."""
+def test_controls_may_vary_in_time(tmp_path: Path) -> None:
+    """Through a filter and an integrator; measured 4.3e-5 of the path, like constant controls."""
     path, times = written(tmp_path, "filtered.xml", FILTERED), np.linspace(0.0, 0.6, 13)
     drive, fly = rb.Sine(amplitude=0.15, frequency=2.0), rb.Ramp(final=6.0, end=0.4)
     scene = scene_of_robot(
@@ -166,13 +165,13 @@ fly = 15
 
 
 @pytest.mark.usefixtures("trusted")
-def test_a_scene_file_names_a_robots(tmp_path: Path) -> None:
-    """It says what the robot's file leaves open, and controls that are given replace its own."""
-    own, path = written(tmp_path, "mybot.xml", PLATE), written(tmp_path, "mine.toml", NAMED)
+def test_a_scene_file_may_refer_to_a_robot_file(tmp_path: Path) -> None:
+    """It adds rolling model, duration and controls; controls given as arguments override it."""
+    robot, path = written(tmp_path, "mybot.xml", PLATE), written(tmp_path, "mine.toml", NAMED)
     drive = rb.Sine(amplitude=0.02, frequency=0.5)
     for controls, fly in ((None, 15.0), ({"fly": 7.0}, 7.0)):
-        table = {"robot": own.name, "rolling": "rubber", "duration": 3}
-        scene = scene_of_robot(own, table, {"drive": drive, "fly": fly})
+        table = {"robot": robot.name, "rolling": "rubber", "duration": 3}
+        scene = scene_of_robot(robot, table, {"drive": drive, "fly": fly})
         assert rb.load_scene(path, controls) == replace(scene, name="mine", title="Mine")
     for change, line in {
         ('title = "Mine"', "gravity = 9"): "no key beside robot is called 'gravity'; there are",
@@ -188,19 +187,19 @@ def test_a_scene_file_names_a_robots(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("trusted")
-def test_a_motion_ends_where_a_joint_reaches_its_range(tmp_path: Path) -> None:
-    """When its own model's joint does; what runs beside the equations ends with them.
+def test_a_motion_ends_when_a_joint_reaches_its_range(tmp_path: Path) -> None:
+    """At the same time as in the original model; the engine ends with the equations.
 
-    Measured 4.2e-4 s apart, by the softness of the own model's contact.
+    Measured difference 4.2e-4 s, from the soft contact of the original model.
     """
-    own = PLATE.replace('ctrl=".03 20"', 'ctrl=".2 20"')
-    free = rb.load_scene(str(written(tmp_path, "free.xml", own)))
-    ranged = own.replace('name="axle"', 'name="axle" range="-90 90"')
+    text = PLATE.replace('ctrl=".03 20"', 'ctrl=".2 20"')
+    free = rb.load_scene(str(written(tmp_path, "free.xml", text)))
+    ranged = text.replace('name="axle"', 'name="axle" range="-90 90"')
     path = written(tmp_path, "ranged.xml", ranged)
     times = np.linspace(0.0, 0.3, 31)
-    with pytest.warns(rb.SceneWarning, match=naming("axle -90 90~deg")) as said:
+    with pytest.warns(rb.SceneWarning, match=naming("axle -90 90~deg")) as caught:
         pair = pair_of(rb.load_scene(str(path)), "balanced", times)
-    reached = float(str(said[0].message).split("t = ")[1].split(" s,")[0])
+    reached = float(str(caught[0].message).split("t = ")[1].split(" s,")[0])
     data = (robot := open_robot(path)).start()
     robot.model.opt.timestep, robot.model.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_RK4
     while data.joint("axle").qpos < np.pi / 2:
@@ -290,15 +289,15 @@ def warned(file: tuple[str, str], folder: Path) -> list[str]:
 
 @pytest.mark.usefixtures("trusted")
 @pytest.mark.parametrize(("file", "lines"), WARNED.items())
-def test_what_a_file_does_in_silence_is_warned_of(
+def test_implicit_choices_in_a_file_give_warnings(
     file: tuple[str, str], lines: list[str], tmp_path: Path
 ) -> None:
-    """A line for all that is added, begun with instead, or left out."""
-    said = warned(file, tmp_path)
-    assert [facts for facts in lines if all(unnamed(facts, line) for line in said)] == []
+    """One for each thing that is added, replaced or ignored."""
+    messages = warned(file, tmp_path)
+    assert [facts for facts in lines if all(unnamed(facts, line) for line in messages)] == []
 
 
-# What a refusal names, and what is put in place of what in PLATE for it.
+# Facts of a refusal: (old, new) text in PLATE that causes it.
 TWO_JOINTS = (
     '<tendon><fixed name="two"><joint joint="axle" coef="1"/><joint joint="spin" coef="1"/>'
     "</fixed></tendon><actuator>"
@@ -364,10 +363,10 @@ def refusal(change: tuple[str, str], folder: Path) -> str:
 
 @pytest.mark.usefixtures("trusted")
 @pytest.mark.parametrize(("facts", "change"), REFUSED.items())
-def test_what_cannot_be_compared_is_refused_in_one_line(
+def test_robots_that_cannot_be_compared_are_refused_in_one_line(
     facts: str, change: tuple[str, str], tmp_path: Path
 ) -> None:
-    """With the file's name, and what would help."""
+    """With the name of the file and the remedy."""
     message = refusal(change, tmp_path)
     assert message.startswith("mybot.xml: ")
     assert unnamed(facts, message) == []

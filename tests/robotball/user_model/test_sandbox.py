@@ -1,6 +1,6 @@
-"""A body of somebody else's MJCF or URDF file is MuJoCo's body, or is refused in a line.
+"""Bodies of MJCF and URDF files agree with MuJoCo or are refused in one line.
 
-What a few lines may ask of MuJoCo is limited to a few seconds and a few hundred MB.
+A small file can make MuJoCo run forever, so time and memory are limited.
 """
 
 import contextlib
@@ -26,14 +26,14 @@ from tests.robotball.scene_files.scene_texts import PENDULUM, URDF, robot, scene
 
 
 def written(folder: Path, text: str) -> Path:
-    """A file of this text: `arm.urdf`, or `model.xml` where it is MJCF."""
+    """Write the text to `arm.urdf` or `model.xml` and return the path."""
     path = folder / ("arm.urdf" if "<robot" in text else "model.xml")
     path.write_text(text)
     return path
 
 
 def work_here(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
-    """Run the work of another process in this one, and return the limits that it had."""
+    """Run the work of the subprocess in this process, and return the limits that it sets."""
     limits: dict[int, tuple[int, int]] = {}
 
     def run(command: list[str], **_: object) -> subprocess.CompletedProcess[bytes]:
@@ -49,7 +49,7 @@ def work_here(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
-    """Runs the work of another process in this one; gives the limits that it had."""
+    """The limits set by the subprocess, whose work runs in this process."""
     return work_here(monkeypatch)
 
 
@@ -58,10 +58,10 @@ def mjcf(inside: str = "", before: str = "") -> str:
     return f"<mujoco>{before}<worldbody>{body}</worldbody></mujoco>"
 
 
-def test_a_link_is_mujocos_body_of_the_same_file(
+def test_a_link_agrees_with_the_compiled_body_of_mujoco(
     tmp_path: Path, at_once: dict[int, tuple[int, int]]
 ) -> None:
-    """Compiled, MuJoCo fuses what a fixed joint holds. Measured 5e-17 of 0.007 kg m²: rounding."""
+    """MuJoCo fuses links at a fixed joint. Measured 5e-17 kg m², of 0.007: rounding."""
     ours = solid_of_file(written(tmp_path, URDF), "link", "arm")
     theirs = mujoco.MjModel.from_xml_string(URDF).body("arm")
     axes = Rotation.from_quat(theirs.iquat, scalar_first=True).as_matrix()
@@ -72,10 +72,10 @@ def test_a_link_is_mujocos_body_of_the_same_file(
     assert at_once[resource.RLIMIT_AS][0] > 500_000_000
 
 
-def test_a_body_of_mjcf_has_what_is_fixed_to_it(tmp_path: Path) -> None:
-    """In its own axes, wherever it is: of 2 kg, and of 2 kg that are turned beside it.
+def test_a_body_of_mjcf_includes_bodies_that_are_fixed_to_it(tmp_path: Path) -> None:
+    """In body axes, at any pose: 2 kg, and 2 kg in a rotated child body.
 
-    Limits leave room for a hundred geoms. Inertias are by hand, after Steiner.
+    The limits allow a hundred geoms. Expected inertias are from the parallel axis theorem.
     """
     inside = (
         '<replicate count="100"><geom size=".1" mass=".01"/></replicate>'
@@ -90,17 +90,17 @@ def test_a_body_of_mjcf_has_what_is_fixed_to_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("at_once")
-def test_any_body_is_taken_from_a_file(tmp_path: Path) -> None:
-    """Laid at its origin and attitude: a quarter turn about x takes y to z.
+def test_any_body_of_a_scene_may_come_from_a_file(tmp_path: Path) -> None:
+    """With an origin and an attitude: a rotation by 90° about x takes y to z.
 
-    A link of which nobody asked may be one that MuJoCo would not compile.
+    Unused links may be ones that MuJoCo cannot compile.
     """
     mesh = '<collision><geometry><mesh filename="none.stl"/></geometry></collision>'
     path = written(tmp_path, URDF.replace("/>", f">{mesh}</link>", 1))
     arm = solid_of_file(path, "link", "arm")
     half = repr(np.sqrt(0.5).item())
-    laid = f"origin = [0, 0, 0.05], attitude = [{half}, {half}, 0, 0] }}\n"
-    hung = robot(rest=PENDULUM + 'urdf = { file = "arm.urdf", link = "arm", ' + laid)
+    placed = f"origin = [0, 0, 0.05], attitude = [{half}, {half}, 0, 0] }}\n"
+    hung = robot(rest=PENDULUM + 'urdf = { file = "arm.urdf", link = "arm", ' + placed)
     pendulum = scene_of(hung, path.parent).ball.pendulums[0]
     x, y, z = arm.centre
     np.testing.assert_allclose(pendulum.centre, [x, -z, y + 0.05], atol=1e-16)
@@ -115,11 +115,10 @@ def test_any_body_is_taken_from_a_file(tmp_path: Path) -> None:
 
 ARM, B = ("link", "arm"), ("body", "b")
 SECOND = '<child link="bob"/>'
-# By what is refused of a link `arm`, and of a body `b`.
+# Facts of the refusal: text of the file with link `arm` or body `b`.
 URDFS = {
     "link 'arm' base leg": URDF.replace('"arm"', '"leg"'),
-    "link 'arm' 'bob'":
-        URDF.replace('"fixed"', '"continuous"'),
+    "link 'arm' 'bob'": URDF.replace('"fixed"', '"continuous"'),
     "XML~parse~error": "<robot>",
     "URDF <mujoco> <robot>": "<mujoco/>",
     "'value'": URDF.replace('"0.8"', '"heavy"'),
@@ -128,30 +127,26 @@ URDFS = {
     "'arm' mass 0~kg": URDF.replace('"0.8"', '"0"'),
     "URDF multiple~parents": URDF.replace(SECOND, '<child link="arm"/>'),
     "URDF parent child missing": URDF.replace(SECOND, '<child link="bab"/>'),
-}  # fmt: skip
+}
 NAMED = "".join(f'<body name="n{i}"><geom size="1"/></body>' for i in range(30))
 NAN = mjcf('<body pos="nan 0 0"><geom size="1"/></body>')
 MJCFS = {
-    # What MuJoCo reads as not given, or as an angle of zero.
+    # MuJoCo reads these as missing, or as an angle of zero.
     "model.xml pos 'nan~0~0'": NAN,
-    "euler 'inf~0~0'":
-        mjcf('<body euler="inf 0 0"><geom size="1"/></body>'),
+    "euler 'inf~0~0'": mjcf('<body euler="inf 0 0"><geom size="1"/></body>'),
     "mass '-NaN'": mjcf("<geom size='1' mass='-NaN'/>"),
-    "density 'Infinity'":
-        mjcf(before='<default><geom density="Infinity"/></default>'),
-    "inside.xml pos 'nan~0~0'":
-        '<mujoco><include file="parts/inside.xml"/></mujoco>',
-    "body 'b' 'c'":
-        mjcf('<body name="c"><joint/><geom size="1"/></body>'),
+    "density 'Infinity'": mjcf(before='<default><geom density="Infinity"/></default>'),
+    "inside.xml pos 'nan~0~0'": '<mujoco><include file="parts/inside.xml"/></mujoco>',
+    "body 'b' 'c'": mjcf('<body name="c"><joint/><geom size="1"/></body>'),
     "body 'b' mass": mjcf().replace('mass="1"', 'mass="0"'),
     "XML~parse~error": "<mujoco>",
     "unrecognized~attribute": mjcf(f'<geom {"k" * 4000}="1"/>'),
     "body 'b' 31 c n0": mjcf(NAMED).replace('"b"', '"c"'),
-}  # fmt: skip
+}
 
 
 def refusal(body: tuple[str, str], text: str, folder: Path) -> str:
-    """Return the message with which a body of a file with this text is refused."""
+    """Return the message that refuses the body of a file with this text."""
     path = written(folder, text)
     (path.parent / "parts").mkdir(exist_ok=True)
     (path.parent / "parts" / "inside.xml").write_text(NAN)
@@ -165,21 +160,21 @@ def refusal(body: tuple[str, str], text: str, folder: Path) -> str:
 @pytest.mark.usefixtures("at_once")
 @pytest.mark.parametrize(
     ("body", "facts", "text"),
-    [*((ARM, *each) for each in URDFS.items()), *((B, *each) for each in MJCFS.items())],
+    [*((ARM, *item) for item in URDFS.items()), *((B, *item) for item in MJCFS.items())],
     ids=[*URDFS, *MJCFS],
 )
-def test_a_file_that_cannot_be_used_is_refused(
+def test_an_unusable_file_is_refused(
     tmp_path: Path, body: tuple[str, str], facts: str, text: str
 ) -> None:
-    """In a short line that names the file, or one that it includes."""
+    """In a short line that names the file, or the included file."""
     message = refusal(body, text, tmp_path)
     assert unnamed(facts, message) == []
     assert len(message) <= 500
 
 
 @pytest.mark.usefixtures("at_once")
-def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:
-    """Nor is anything in a comment, whatever its encoding."""
+def test_infinite_ranges_and_names_like_nan_are_allowed(tmp_path: Path) -> None:
+    """As is any text in a comment, in any encoding."""
     hinge = '<body name="inf"><joint name="nan" range="-inf inf"/><geom size="1"/></body>'
     motor = '<actuator><motor joint="nan" ctrlrange="-inf inf"/></actuator>'
     path = written(tmp_path, mjcf(hinge).replace("</mujoco>", motor + "</mujoco>"))
@@ -188,8 +183,8 @@ def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:
     assert solid_of_file(path, "body", "inf").mass > 0
 
 
-def test_a_name_that_is_no_text_is_refused_as_such(tmp_path: Path) -> None:
-    """As under LC_ALL=C a name beyond ASCII is: it has nothing to do with memory."""
+def test_a_file_name_that_cannot_be_encoded_is_refused_with_the_locale(tmp_path: Path) -> None:
+    """Such as a non-ASCII name under LC_ALL=C; the memory limit is not the cause."""
     with pytest.raises(rb.InputError, match=naming("locale LC_ALL=C.UTF")):
         solid_of_file(written(tmp_path, URDF).rename(tmp_path / "\udcc3.urdf"), "link", "arm")
 
@@ -198,8 +193,8 @@ HEIGHTS = '<asset><hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/></a
 
 
 @pytest.mark.parametrize("before", ['<size memory="100G"/>', HEIGHTS])
-def test_a_file_that_takes_much_memory_is_given_up(tmp_path: Path, before: str) -> None:
-    """By MuJoCo's own error at the limit, of either kind; on a starved machine after 60 s."""
+def test_a_file_that_needs_too_much_memory_is_refused(tmp_path: Path, before: str) -> None:
+    """With either error of MuJoCo at the limit; on an overloaded machine after 60 s."""
     with pytest.raises(rb.InputError, match=r"500 MB|60 s"):
         solid_of_file(written(tmp_path, mjcf(before=before)), "body", "b")
 
@@ -213,10 +208,10 @@ def test_a_file_that_takes_much_memory_is_given_up(tmp_path: Path, before: str) 
         (None, "60~s"),
     ],
 )
-def test_a_process_that_ends_early_is_a_line(
+def test_a_subprocess_that_ends_early_is_reported_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: int | None, facts: str
 ) -> None:
-    """At the limit of its processor time, by lack of memory, or after it was starved."""
+    """At its CPU time limit, for lack of memory, or after a timeout."""
     done = subprocess.CompletedProcess("", end or 0, b"", b"first\nlast words\n")
     late = subprocess.TimeoutExpired("", 60)
     monkeypatch.setattr(subprocess, "run", Mock(side_effect=[late if end is None else done]))

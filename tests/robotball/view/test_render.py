@@ -33,8 +33,8 @@ screen = pytest.mark.usefixtures("screen")
 
 def share(picture: Pixels, colour: str) -> float:
     """Return the fraction of pixels in which a colour's strongest channel stands out."""
-    wanted = np.array(rgb(colour))
-    strong, weak = int(wanted.argmax()), int(wanted.argmin())
+    expected = np.array(rgb(colour))
+    strong, weak = int(expected.argmax()), int(expected.argmin())
     return float((picture[..., strong].astype(int) - picture[..., weak] > 60).mean())
 
 

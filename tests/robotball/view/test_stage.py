@@ -33,7 +33,7 @@ FIG12 = rb.load_scene("fig12")
 def test_bodies_on_the_stage_have_the_poses_of_the_motion(scene: rb.Scene) -> None:
     """Including rotors and pendulums, compared with `poses`; measured 7e-16 rad, 5e-16 radii."""
     motion = rb.integrate(scene, TIMES)
-    track, looks, wanted = track_of(motion), looks_of(scene.ball), poses(motion)
+    track, looks, expected = track_of(motion), looks_of(scene.ball), poses(motion)
     stands = track.stands(track.at(TIMES[-1:]))
     model = build_stage(looks, ["#0072B2", "#D55E00"], [1.0, 0.35]).compile()
     data = mujoco.MjData(model)
@@ -42,9 +42,9 @@ def test_bodies_on_the_stage_have_the_poses_of_the_motion(scene: rb.Scene) -> No
         for ball in ("ball0_", "ball1_"):
             stood = data.body(ball + name)
             turn = stood.xmat.reshape(3, 3)
-            assert np.abs(turn - rotation_matrix(wanted[name].attitude[-1])).max() < 1e-14
+            assert np.abs(turn - rotation_matrix(expected[name].attitude[-1])).max() < 1e-14
             centre = turn @ body.centre + stood.xpos * scene.ball.radius
-            assert np.abs(centre - wanted[name].position[-1]).max() < 1e-14
+            assert np.abs(centre - expected[name].position[-1]).max() < 1e-14
 
 
 def test_bodies_between_samples_follow_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,11 +57,11 @@ def test_bodies_between_samples_follow_the_motion(monkeypatch: pytest.MonkeyPatc
     between = (times[:-1] + times[1:]) / 2
     exact = track_of(rb.integrate(FIG12, np.concatenate([[0.0], between])))
     track = track_of(rb.integrate(FIG12, times))
-    wanted, whole = (track_.stands(track_.at(between)) for track_ in (exact, track))
+    expected, whole = (track_.stands(track_.at(between)) for track_ in (exact, track))
     part = track.stands(track.at(between[24:26]))
     for name, (turn, shift) in whole.items():
-        assert np.abs(turn - wanted[name][0]).max() < 2e-3
-        assert np.abs(shift - wanted[name][1]).max() < 1e-5
+        assert np.abs(turn - expected[name][0]).max() < 2e-3
+        assert np.abs(shift - expected[name][1]).max() < 1e-5
         assert np.array_equal(turn[24:26], part[name][0])
         assert np.abs(shift[24:26] - part[name][1]).max() < 2e-14
     monkeypatch.setattr(tracks, "_MARGIN", 1)

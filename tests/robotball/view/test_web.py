@@ -25,9 +25,13 @@ def test_a_view_contains_the_motion() -> None:
     """Rows are contact points in radii, attitudes and hinge angles, as 32-bit floats."""
     data = view_data([THEORY])
     rows = np.frombuffer(b64decode(data["balls"][0]["rows"]), "<f4").reshape(len(TIMES), -1)
-    wanted = [THEORY.contact_point / THEORY.scene.ball.radius, THEORY.attitude, THEORY.hinge_angles]
+    expected = [
+        THEORY.contact_point / THEORY.scene.ball.radius,
+        THEORY.attitude,
+        THEORY.hinge_angles,
+    ]
     # Measured 1e-5 for an angle of 300 rad: rounding to 32 bits.
-    assert np.allclose(rows, np.column_stack(wanted), rtol=1e-7, atol=1e-6)
+    assert np.allclose(rows, np.column_stack(expected), rtol=1e-7, atol=1e-6)
     assert data["step"] == STEP
 
 
@@ -117,8 +121,8 @@ def test_bodies_in_a_view_have_the_poses_of_the_motion(tmp_path: Path) -> None:
     for motion, places in zip(motions, found, strict=True):
         ball, row = motion.scene.ball, int(np.argmin(np.abs(motion.times - 1.0)))
         for (name, body), columns in zip(ball.named_bodies, places, strict=True):
-            matrix, wanted = np.array(columns).reshape(4, 4).T, poses(motion)[name]
-            off.append(matrix[:3, :3] - rotation_matrix(wanted.attitude[row]))
+            matrix, expected = np.array(columns).reshape(4, 4).T, poses(motion)[name]
+            off.append(matrix[:3, :3] - rotation_matrix(expected.attitude[row]))
             centre = matrix[:3, 3] + matrix[:3, :3] @ body.centre / ball.radius
-            off.append(centre - wanted.position[row] / ball.radius)
+            off.append(centre - expected.position[row] / ball.radius)
     assert max(np.abs(errors).max() for errors in off) < 3e-6

@@ -42,7 +42,7 @@ GOOD = FIRST.read_text().replace(
 )
 _KEY, _CONE, _SOLREF = '<key ctrl=".06 .5 40"', 'cone="elliptic"', 'solref=".004 1"'
 _OVER = 'cone="elliptic" {}><flag override="enable"/></option>'
-# The name begins with the cause. The right model has an error of 2.9e-4, by its first load.
+# The name begins with the cause. The error of the right model is 2.9e-4, from its first load.
 PLANTED = {
     "friction": ('friction="20 20', 'friction=".05 .05'),
     "friction 2": ('friction="20 20', 'friction=".02 .3'),
@@ -87,7 +87,7 @@ PLANTED = {
     "margin": (_SOLREF, 'margin=".02" ' + _SOLREF),
     "margin 2": (_SOLREF, 'margin=".005" ' + _SOLREF),
 }  # fmt: skip
-# Two at once, of which the one that is farther off alone is the cause.
+# Two mistakes at once: the one with the larger error alone is the cause.
 PAIRS = [
     ("softness", "solver"),
     ("friction 2", "softness"),
@@ -120,13 +120,13 @@ def planted(tmp_path: Path, *names: str) -> UserModel:
     return UserModel(open_robot(path), {}, None)
 
 
-def found_in(own: UserModel, duration: float) -> tuple[list[str], float, float]:
+def found_in(user_model: UserModel, duration: float) -> tuple[list[str], float, float]:
     """Return the causes of a model's error, the error as it is, and mended."""
     try:
-        found = check_model(own, "classical", duration, 5e-4, lambda *_: None)
+        record = check_model(user_model, "classical", duration, 5e-4, lambda *_: None)
     except rb.InputError as refused:
         return [str(refused).partition(NO_MOTION)[2]], np.inf, 0.0
-    return causes_of(found), found.observation.error, found.mended_error
+    return causes_of(record), record.observation.error, record.mended_error
 
 
 @pytest.mark.slow
@@ -208,17 +208,17 @@ NOT_RIGHT = {
 
 @cache
 def coarsely_checked(text: str, duration: float) -> Checked:
-    """Check a model to an accuracy so coarse that none is off by it."""
+    """Check a model with a tolerance so large that every error is below it."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "robot.xml"
         path.write_text(text)
-        own = UserModel(open_robot(path), {}, None)
-        return check_model(own, "classical", duration, 1e3, lambda *_: None)
+        model = UserModel(open_robot(path), {}, None)
+        return check_model(model, "classical", duration, 1e3, lambda *_: None)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("facts", NOT_RIGHT)
-def test_what_is_not_right_all_the_time_does_not_agree(facts: str) -> None:
+def test_a_model_that_fails_part_of_the_time_does_not_agree(facts: str) -> None:
     """The right model would agree over the same time."""
     text, duration = NOT_RIGHT[facts]
     it, right = coarsely_checked(text, duration), coarsely_checked(GOOD, duration)
@@ -229,11 +229,11 @@ def test_what_is_not_right_all_the_time_does_not_agree(facts: str) -> None:
 
 
 def test_a_model_that_diverges_is_measured_until_then(tmp_path: Path) -> None:
-    """Measured: it leaves the plane at 0.06 s and diverges at 0.1 s, by numbers up to 1e130."""
+    """Measured: it leaves the plane at 0.06 s and diverges at 0.1 s, reaching 1e130."""
     path = tmp_path / "wild.xml"
     path.write_text(WILD)
-    own = UserModel(open_robot(path), {}, None)
-    motion, seen = observed(own, own.scene("classical", 1.0), 1e-3, 1, lambda _: None)
+    user_model = UserModel(open_robot(path), {}, None)
+    motion, seen = observed(user_model, user_model.scene("classical", 1.0), 1e-3, 1, lambda _: None)
     assert seen.failure is not None
     assert seen.failure.endswith("diverges at t = 0.1 s")
     assert motion.times[-1] < 0.1
@@ -259,14 +259,14 @@ def geared(gear: float, integrator: str, timestep: float = 0.002) -> str:
 def test_a_model_that_diverges_at_once_gets_the_cause_and_a_page(
     robotball: Robotball, gear: float, integrator: str, number: str
 ) -> None:
-    """At 4 ms and 20 ms. Mended it is off by 4.8e-4: implicitfast is of first order."""
-    found = checked(robotball, "robot.xml", geared(gear, integrator), "--duration", ".5")
-    assert found["status"] == 1
-    assert "diverges at t = 0.0" in found["fails"]
-    assert found["causes"][0].startswith("gain: wheel: kv·gear²·dt/I")
-    assert number in found["causes"][0]
-    assert found["changes"][0]["without"] is None
-    assert found["mended_error"] < 1e-3
+    """At 4 ms and 20 ms. The error of the mended model is 4.8e-4: implicitfast has first order."""
+    record = checked(robotball, "robot.xml", geared(gear, integrator), "--duration", ".5")
+    assert record["status"] == 1
+    assert "diverges at t = 0.0" in record["fails"]
+    assert record["causes"][0].startswith("gain: wheel: kv·gear²·dt/I")
+    assert number in record["causes"][0]
+    assert record["changes"][0]["without"] is None
+    assert record["mended_error"] < 1e-3
     page = Path("out/robot-check.html").read_text(encoding="utf-8")
     assert "diverges at" in page
     assert "rollingBalls(" in page
@@ -276,10 +276,10 @@ def test_a_model_that_diverges_into_the_floor_diverges(tmp_path: Path) -> None:
     """At 4 ms, by a spring for which any step of the recipe is too long: the plate is thrown."""
     path = tmp_path / "robot.xml"
     path.write_text(geared(1, "RK4").replace('damping=".0001"', 'stiffness="1e7"'))
-    own = UserModel(open_robot(path), {}, None)
-    found = check_model(own, "classical", 0.1, 1e-3, silent)
-    assert (found.observation.failure or "").startswith("diverges at t = 0.004 s")
-    assert "shorter timestep" in causes_of(found)[0]
+    user_model = UserModel(open_robot(path), {}, None)
+    record = check_model(user_model, "classical", 0.1, 1e-3, silent)
+    assert (record.observation.failure or "").startswith("diverges at t = 0.004 s")
+    assert "shorter timestep" in causes_of(record)[0]
 
 
 @pytest.mark.slow
@@ -296,31 +296,31 @@ def test_a_gain_is_too_high_where_plain_steps_diverge(integrator: str, tmp_path:
     assert probe is not None
     limit = 100.0 * (probe.limit / probe.number) ** 0.5  # the gear there
     for part, stable in ((0.95, True), (1.05, False)):
-        own = robot(part**0.5 * limit)
-        end = own.path(np.linspace(0.0, 1.0, 101))[-1]
+        user_model = robot(part**0.5 * limit)
+        end = user_model.path(np.linspace(0.0, 1.0, 101))[-1]
         assert bool(np.isfinite(end).all()) == stable
-        assert (too_high_gain(own) is None) == stable
+        assert (too_high_gain(user_model) is None) == stable
     assert too_high_gain(robot(100.0, "implicitfast")) is None
 
 
 def test_a_check_begins_at_zero_whatever_the_time_of_the_keyframe(tmp_path: Path) -> None:
     path = tmp_path / "robot.xml"
     path.write_text(GOOD.replace("<key ", '<key time="-1" '))
-    found = check_model(UserModel(open_robot(path), {}, None), "classical", 1.0, 1e-3, silent)
-    assert found.agrees
-    assert found.observation.motion.times[0] == 0.0
-    assert [len(each.times) > 1 for each in motions_of(found)]
+    record = check_model(UserModel(open_robot(path), {}, None), "classical", 1.0, 1e-3, silent)
+    assert record.agrees
+    assert record.observation.motion.times[0] == 0.0
+    assert [len(each.times) > 1 for each in motions_of(record)]
 
 
-def test_a_clock_that_stands_still_ends_no_check(
+def test_a_check_works_with_a_clock_that_does_not_advance(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As one of long ticks does in a short run; every speed is finite."""
-    own = planted(tmp_path, "softness 3")
+    """Like a coarse clock in a short run; every speed is finite."""
+    user_model = planted(tmp_path, "softness 3")
     for clock in ("process_time", "thread_time"):
         monkeypatch.setattr(time, clock, lambda: 1.0)
-    found = check_model(own, "classical", 0.3, 1e-3, silent)
-    assert found.tried == pytest.approx(0.3)
+    record = check_model(user_model, "classical", 0.3, 1e-3, silent)
+    assert record.tried == pytest.approx(0.3)
     assert np.isfinite(compare("fig12", settings="fast").realtime_factor)
     assert np.isfinite(2.0 / (fixed_work() + bare_loop()))
 
@@ -333,7 +333,7 @@ NO_ROBOT = {
     "gravity": ("gravity", "at most 1e+50", "<option", '<option gravity="0 0 -1e200"'),
     "gear": ("gear of drive", "at most 1e+50", 'name="drive"', 'name="drive" gear="1e200"'),
     "start": ("velocity of 1e+30", "1e+10", _KEY, _KEY + ' qvel="1e30 0 0 0 0 0 0 0 0"'),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", NO_ROBOT)
@@ -350,11 +350,11 @@ def test_a_number_that_no_robot_has_is_refused(name: str, tmp_path: Path) -> Non
 
 def test_a_model_is_watched_as_plain_steps_have_it(tmp_path: Path) -> None:
     """Equal to the last bit, with a solver whose first guess matters; 0.29 m are rolled."""
-    own = planted(tmp_path, "solver")
-    seen = observed(own, own.scene("classical", 1.0), 1e-3, 1, lambda _: None)[1]
+    user_model = planted(tmp_path, "solver")
+    seen = observed(user_model, user_model.scene("classical", 1.0), 1e-3, 1, lambda _: None)[1]
     times = np.linspace(0.0, 1.0, 101)
-    assert np.array_equal(seen.path[::10][:, :2], own.path(times)[:, :2])
-    assert np.array_equal(own_loop(own.robot.path, times), own.path(times)[:, :2])
+    assert np.array_equal(seen.path[::10][:, :2], user_model.path(times)[:, :2])
+    assert np.array_equal(own_loop(user_model.robot.path, times), user_model.path(times)[:, :2])
 
 
 def test_a_model_on_a_tilted_plane_is_compared_along_it(tmp_path: Path) -> None:
@@ -362,29 +362,29 @@ def test_a_model_on_a_tilted_plane_is_compared_along_it(tmp_path: Path) -> None:
     path = tmp_path / "tilted.xml"
     tilted = GOOD.replace('type="plane"', 'type="plane" euler="0 -3 0"')
     path.write_text(tilted.replace('pos="0 0 .15"', 'pos="-.00785040 0 .14979443"'))
-    own = UserModel(open_robot(path), {}, None)
-    found = check_model(own, "classical", 1.0, 5e-4, lambda *_: None)
-    assert found.observation.error < 6e-4
-    assert np.ptp(found.observation.path[:, 0]) > 0.1
+    user_model = UserModel(open_robot(path), {}, None)
+    record = check_model(user_model, "classical", 1.0, 5e-4, lambda *_: None)
+    assert record.observation.error < 6e-4
+    assert np.ptp(record.observation.path[:, 0]) > 0.1
 
 
 def test_a_right_model_is_left_alone(robotball: Robotball) -> None:
     """Measured 2.9e-4, the contact's first load: no cause, no mended file, status 0."""
-    found = checked(robotball, "good.xml", GOOD, "--duration", "2")
-    assert found["status"] == 0
-    assert found["path_error"] < 6e-4
-    assert found["causes"] == []
+    record = checked(robotball, "good.xml", GOOD, "--duration", "2")
+    assert record["status"] == 0
+    assert record["path_error"] < 6e-4
+    assert record["causes"] == []
     assert not Path("out/good-mended.xml").exists()
 
 
-def check_mended(found: dict[str, Any], name: str, measured: float) -> None:
+def check_mended(record: dict[str, Any], name: str, measured: float) -> None:
     """Check that a mended file rolls right under plain steps, as printed."""
     theory = rb.integrate(rb.load_scene(name), np.linspace(0.0, 3.0, 61))
     away = own_loop(Path(f"out/{Path(name).stem}-mended.xml"), theory.times) - theory.contact_point
     error = float(np.linalg.norm(away, axis=1).max() / theory.path_scale)
-    assert found["status"] == 1
-    assert found["fails"] or found["path_error"] > 3e-3  # one is thrown up by its start
-    assert error == pytest.approx(found["mended_error"], rel=0.05)  # other samples of it
+    assert record["status"] == 1
+    assert record["fails"] or record["path_error"] > 3e-3  # one is thrown up by its start
+    assert error == pytest.approx(record["mended_error"], rel=0.05)  # other samples of it
     assert error < min(3 * measured, 1e-3)
 
 
@@ -407,14 +407,14 @@ def test_a_newcomers_model_is_explained_and_mended(robotball: Robotball) -> None
 
     Measured 0.1 as it is, and 6.6e-7 mended: RK4's error.
     """
-    found = checked(robotball, "first.xml", FIRST.read_text(), "--duration", "3")
-    check_mended(found, "first.xml", 6.6e-7)
-    changes = {row["change"]: row for row in found["changes"]}
-    errors = [row["without"] for row in found["changes"] if not row["change"].startswith("(")]
+    record = checked(robotball, "first.xml", FIRST.read_text(), "--duration", "3")
+    check_mended(record, "first.xml", 6.6e-7)
+    changes = {row["change"]: row for row in record["changes"]}
+    errors = [row["without"] for row in record["changes"] if not row["change"].startswith("(")]
     mended = Path("out/first-mended.xml").read_text()
-    assert unnamed("contacts shell pendulum 100%", found["causes"][0]) == []
+    assert unnamed("contacts shell pendulum 100%", record["causes"][0]) == []
     assert errors == sorted(errors, reverse=True)
-    assert changes["+ contacts"]["without"] > 100 * found["mended_error"]
+    assert changes["+ contacts"]["without"] > 100 * record["mended_error"]
     assert mended.startswith(FIRST.read_text().partition("</mujoco>")[0])
     assert "<!-- contacts: shell" in mended
     page = Path("out/first-check.html").read_text()
@@ -422,15 +422,15 @@ def test_a_newcomers_model_is_explained_and_mended(robotball: Robotball) -> None
     assert "data:image/png" in page
 
 
-def test_a_file_as_it_is_is_shown_beside_the_mended_one(tmp_path: Path) -> None:
-    """At the same times: hinges turn as the equations' in the mended file, measured 3e-7 rad.
+def test_the_original_file_is_shown_beside_the_mended_one(tmp_path: Path) -> None:
+    """At equal times. Hinge angles of the mended file agree to 3e-7 rad (measured).
 
-    As it is they are 0.3 rad off after a second.
+    In the original file they are 0.3 rad off after one second.
     """
     path = tmp_path / "first.xml"
     path.write_text(FIRST.read_text())
-    own = UserModel(open_robot(path), {}, None)
-    checked = check_model(own, "classical", 1.0, 1e-3, lambda *_: None)
+    user_model = UserModel(open_robot(path), {}, None)
+    checked = check_model(user_model, "classical", 1.0, 1e-3, lambda *_: None)
     as_it_is, mended, theory = motions_of(checked)
     assert [label_of(each) for each in (as_it_is, mended)] == [
         "MuJoCo, unmodified",
@@ -451,21 +451,21 @@ RESISTING = """<mujoco><option{}/><worldbody><geom type="plane" size="5 5 .1"/>
 @pytest.mark.parametrize(
     ("options", "delivered"), [("", (0.05, 0.6)), (' cone="elliptic" impratio="100"', (0.98, 1.02))]
 )
-def test_declared_rolling_resistance_is_told_from_error(
+def test_declared_rolling_resistance_is_distinguished_from_error(
     robotball: Robotball, options: str, delivered: tuple[float, float]
 ) -> None:
-    """A bare ball is pushed: measured 27 % by the pyramid, 100 % by the elliptic cone."""
-    found = checked(robotball, "ball.xml", RESISTING.format(options), "--duration", "1")
-    line = next(each for each in found["lines"] if each.startswith("rolling resistance"))
+    """A bare ball is pushed: measured 27 % with the pyramidal and 100 % with the elliptic cone."""
+    record = checked(robotball, "ball.xml", RESISTING.format(options), "--duration", "1")
+    line = next(each for each in record["lines"] if each.startswith("rolling resistance"))
     share = re.search(r"delivers (\d+)%", line)
     assert share is not None
     assert delivered[0] < int(share[1]) / 100 < delivered[1]
 
 
-def test_a_file_with_meshes_and_its_own_pair_is_mended_in_its_own_words(
+def test_a_file_with_meshes_and_a_pair_is_mended_as_text(
     robotball: Robotball,
 ) -> None:
-    """The mended file is elsewhere, and finds its meshes; a pair that it has is replaced."""
+    """The mended file is in another folder and finds its meshes; its pair is replaced."""
     Path("parts").mkdir()
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
     lines = [f"v {x} {y} {z}" for x, y, z in corners]
@@ -475,12 +475,14 @@ def test_a_file_with_meshes_and_its_own_pair_is_mended_in_its_own_words(
         "<worldbody>",
         '<compiler meshdir="parts"/><asset><mesh name="tip" file="tip.obj"/></asset><worldbody>',
     )
-    text = text.replace("<freejoint/>", '<freejoint/>\n<geom type="mesh" mesh="tip" mass=".1" '
-                        'contype="0" conaffinity="0"/>')  # fmt: skip
-    found = checked(robotball, "meshes.xml", text, "--duration", "2")
+    text = text.replace(
+        "<freejoint/>",
+        '<freejoint/>\n<geom type="mesh" mesh="tip" mass=".1" contype="0" conaffinity="0"/>',
+    )
+    record = checked(robotball, "meshes.xml", text, "--duration", "2")
     model = mujoco.MjModel.from_xml_path("out/meshes-mended.xml")
-    assert found["causes"][0].startswith("cone: ")
-    assert found["mended_error"] < 1e-3
+    assert record["causes"][0].startswith("cone: ")
+    assert record["mended_error"] < 1e-3
     assert (model.npair, model.nmesh) == (1, 1)
 
 
@@ -489,8 +491,8 @@ def test_a_control_that_changes_is_played_step_by_step(tmp_path: Path) -> None:
     path = tmp_path / "good.xml"
     path.write_text(GOOD)
     wave = Sine(amplitude=0.05, frequency=0.5)
-    own = UserModel(open_robot(path), {"drive": wave}, None)
-    right = check_model(own, "classical", 2.0, 1e-3, lambda *_: None)
+    user_model = UserModel(open_robot(path), {"drive": wave}, None)
+    right = check_model(user_model, "classical", 2.0, 1e-3, lambda *_: None)
     other = UserModel(open_robot(path), {"drive": Sine(amplitude=-0.05, frequency=0.5)}, None)
     theory = right.observation.theory
     wrong = other.path(theory.times)[:, :2] - theory.contact_point
@@ -519,7 +521,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("options", REFUSED)
-def test_what_cannot_be_checked_is_refused(robotball: Robotball, options: tuple[str, str]) -> None:
+def test_invalid_options_of_check_are_refused(
+    robotball: Robotball, options: tuple[str, str]
+) -> None:
     """In one line, with status 2."""
     status, _, complaint = robotball("check", FIRST, *options)
     assert status == 2

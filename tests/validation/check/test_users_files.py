@@ -1,4 +1,4 @@
-"""Robot files as different users write them: none is falsely right, refused or mended away."""
+"""`check` gives the right answer for robot files in the style of many users."""
 
 from collections import Counter
 from pathlib import Path
@@ -14,7 +14,7 @@ from tests.validation.check.users_files import CASES, REFUSED, Case
 
 
 def answered(robotball: Robotball, name: str, case: Case) -> tuple[int, str]:
-    """Return the exit status of `check` of a case's file, and all that it prints, on one line."""
+    """Return the exit status of `check` and everything that it prints, on one line."""
     path = Path("robot.urdf" if name.startswith("URDF") else "robot.xml")
     path.write_text(case.text)
     status, shown, complaint = robotball("check", path, "--duration", "0.5", *case.options)
@@ -23,16 +23,16 @@ def answered(robotball: Robotball, name: str, case: Case) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.status == REFUSED])
-def test_what_cannot_be_checked_is_refused_in_one_line(
+def test_files_that_cannot_be_checked_are_refused_in_one_line(
     name: str, robotball: Robotball, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With status 2, the file's name and the cause; each in a few hundredths of a second."""
-    monkeypatch.setattr(robot_file, "check_loads", lambda path: None)  # another process; as it is
-    status, said = answered(robotball, name, CASES[name])
+    """With status 2, the name of the file and the cause."""
+    monkeypatch.setattr(robot_file, "check_loads", lambda path: None)  # skip a subprocess
+    status, output = answered(robotball, name, CASES[name])
     assert status == REFUSED
-    assert CASES[name].words in said
-    assert said.count("robotball: ") == 1
-    assert "robot." in said or "robot:" in said
+    assert CASES[name].words in output
+    assert output.count("robotball: ") == 1
+    assert "robot." in output or "robot:" in output
 
 
 ANSWERED = [name for name, case in CASES.items() if case.status != REFUSED]
@@ -45,15 +45,15 @@ ANSWERED = [name for name, case in CASES.items() if case.status != REFUSED]
         for i, n in enumerate(ANSWERED)
     ],
 )
-def test_every_file_has_the_answer_that_is_true_of_it(name: str, robotball: Robotball) -> None:
-    """Status 0 for those that roll right all the time, 1 for the others, with the words; 1 s."""
-    status, said = answered(robotball, name, CASES[name])
-    assert status == CASES[name].status, said
-    assert CASES[name].words in said
+def test_every_file_gets_the_expected_answer(name: str, robotball: Robotball) -> None:
+    """Status 0 for models that roll correctly, 1 for the others, with the expected words."""
+    status, output = answered(robotball, name, CASES[name])
+    assert status == CASES[name].status, output
+    assert CASES[name].words in output
 
 
-def test_there_are_sixty_files_with_each_answer() -> None:
-    """Of 70 files: 34 right, 11 not, 25 that cannot be answered, or so."""
+def test_there_are_many_files_for_each_answer() -> None:
+    """About 34 of 70 are right, 11 wrong, and 25 cannot be checked."""
     assert len(CASES) >= 60
     assert min(Counter(case.status for case in CASES.values()).values()) >= 10
 
@@ -63,10 +63,10 @@ BIG = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body><freejoint/>
 </body></worldbody></mujoco>"""
 
 
-def test_a_question_is_a_warning_of_the_library_and_a_refusal_of_the_command(
+def test_implausible_units_give_a_warning_in_python_and_a_refusal_in_commands(
     robotball: Robotball,
 ) -> None:
-    """Status 2, before anything runs; `--as-given` insists. The library takes any number."""
+    """Status 2 before the run, unless `--as-given` confirms the number."""
     Path("big.xml").write_text(BIG)
     facts = "big.xml shell radius 150~m 0.15 150~mm"
     with pytest.warns(UnitWarning, match=naming(facts)):

@@ -1,9 +1,9 @@
-"""Robot files as different users write them, each with the answer of `check` that is expected."""
+"""Robot files in the style of different users, with the expected answers of `check`."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
 
-# A ball that rolls right, with places for what a user writes otherwise.
+# A ball that rolls correctly, with fields for the changes of each case.
 _BALL = """<mujoco>{top}<option timestep=".001" integrator="RK4" cone="elliptic"/><worldbody>
 {floor}{world}<body name="ball" pos="{at}">{free}
 <geom name="shell" type="sphere" size="{radius}" mass="{mass}" {solid}/>{shell}
@@ -29,7 +29,7 @@ _ROLLING = '<keyframe><key qpos="0 0 .15 1 0 0 0 0" qvel=".3 0 0 0 2 0 -2" ctrl=
 
 
 class Case(NamedTuple):
-    """What is written otherwise, the exit status that is expected, and words of the answer."""
+    """Changes to the file, expected exit status, and words of the answer."""
 
     edits: Mapping[str, str]
     status: int
@@ -114,7 +114,7 @@ CASES = {
     "plane that excludes the sphere": Case(
         {"floor": f'<geom name="floor" type="plane" size="5 5 .1" {_GHOST}/>', **_NO_PAIR}, REFUSED,
         "passes through the plane"),
-    # what stands in the way
+    # obstacles
     "wall": Case({"world": _fixed("box", ".01 1 .5", ".24 0 .5"), "key":
                   _ROLLING},
                  OFF, "shell touches thing at t = 0.2"),

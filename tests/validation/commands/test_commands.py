@@ -1,4 +1,4 @@
-"""The commands: exit status, results on standard output and in files, whole files or none."""
+"""Commands: exit status, standard output and files."""
 
 import csv
 import json
@@ -34,7 +34,7 @@ ERRORS = ["path error", "gamma error", "momentum error"]
 FOCI = ["slow stable focus"] * 2 + ["stable focus"] * 2
 CYCLE = "cycle of period 8.743261 s"
 HOPF = "supercritical, l₁ = -0.00499 1/s, stable cycles above"
-# What each command is run with; words that it prints, and numbers of its record by their paths.
+# Command line: (printed text, values of the JSON record by their paths).
 RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     "scenes": ("fig12 rubber 10 s ", {}),
     "compare fig12 --duration 1 --keep-going --json a.json": (
@@ -75,7 +75,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
             "largest": approx([0.15, 0.15], abs=0.05),
             "smallest": approx([-0.17, -0.17], abs=0.05),
             "dimension": approx(1.89, abs=0.05),
-            # The motion's own exponent.
+            # The exponent along the motion.
             "engine_exponents/*/2": [0.0, 0.0],
         },
     ),
@@ -131,7 +131,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
 }
-# Run below, and by the tests of their studies, of the film and of the demo's table.
+# Commands run below or in the tests of studies, films and the table of the demo.
 ELSEWHERE = {
     *["check", "demo", "design", "export", "judge", "fit", "report", "steer", "video"],
     *(f"study {name}" for name in ("ablation", "convergence", "cost", "extremes")),
@@ -140,19 +140,21 @@ ELSEWHERE = {
 
 
 def at(record: Any, path: str) -> Any:
-    """What stands at a path of a record: keys and places, and `*` for every one of a list."""
+    """Return the value at a path of keys and indices, with `*` for every item of a list."""
     first, _, rest = path.partition("/")
     if first == "*":
-        return [at(each, rest) for each in record]
+        return [at(item, rest) for item in record]
     inner = record[int(first) if isinstance(record, list) else first]
     return at(inner, rest) if rest else inner
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("arguments", "words", "numbers"), [(each, *of) for each, of in RUNS.items()], ids=RUNS
+    ("arguments", "words", "numbers"),
+    [(command, *expected) for command, expected in RUNS.items()],
+    ids=RUNS,
 )
-def test_a_command_says_its_result_and_writes_it(
+def test_a_command_prints_and_writes_its_result(
     robotball: Robotball,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -160,12 +162,12 @@ def test_a_command_says_its_result_and_writes_it(
     words: str,
     numbers: dict[str, Any],
 ) -> None:
-    """Status 0, a line of it on standard output, and its numbers as JSON with the versions.
+    """Status 0, a line on standard output, and a JSON record with versions.
 
-    Forty columns cut no table, and copied text has no lines of a box in it.
+    A width of 40 columns does not truncate tables, and the output contains no box characters.
     """
-    all_cells = engine_study.cells_of  # of which each is a process
-    monkeypatch.setattr(engine_study, "cells_of", lambda *of: all_cells(*of)[:1])
+    all_cells = engine_study.cells_of  # one process each
+    monkeypatch.setattr(engine_study, "cells_of", lambda *args: all_cells(*args)[:1])
     monkeypatch.setenv("COLUMNS", "40")
     status, out, _ = robotball(*arguments.split())
     assert status == 0
@@ -210,42 +212,39 @@ out/fig05c-equilibria.png
 """
 
 
-def test_a_page_looks_as_it_should(
+def test_a_table_is_printed_in_full_at_any_width(
     robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A table and sentences, whole in a log however narrow its terminal would be.
-
-    Its numbers are the record's, to the digits that are printed.
-    """
+    """The printed numbers are those of the record."""
     monkeypatch.setenv("COLUMNS", "40")
     status, out, _ = robotball("dynamics", "equilibria", "fig05c", "--json", "a.json")
     lines = [line.rstrip() for line in out.splitlines()]
     assert (status, "\n".join(lines) + "\n") == (0, PAGE)
     record = json.loads((tmp_path / "a.json").read_text())
     kinds = ["centre", "centre", "saddle", "saddle", "centre", "centre"]
-    assert [each["kind"] for each in record["fixed_points"]] == kinds
+    assert [point["kind"] for point in record["fixed_points"]] == kinds
     assert record["fixed_circle"]["index"] == 0
     assert f"{record['fixed_points'][0]['eigenvalues'][1][1]:.4g}i" in PAGE
 
 
 def test_every_command_is_run() -> None:
-    """Here or elsewhere."""
-    run = {name for name in COMMANDS for each in RUNS if f"{each} ".startswith(f"{name} ")}
+    """In this file, or in another test."""
+    run = {name for name in COMMANDS for line in RUNS if f"{line} ".startswith(f"{name} ")}
     assert {*COMMANDS} == run | ELSEWHERE
 
 
 # compare ---------------------------------------------------------------------------------------
 
 
-def test_a_robots_own_file_takes_controls(robotball: Robotball, tmp_path: Path) -> None:
-    """Results are named after them; ranges are said, and that the file's contact is another."""
+def test_compare_takes_controls_for_a_robot_file(robotball: Robotball, tmp_path: Path) -> None:
+    """They are in the names of results; joint ranges and `robotball check` are mentioned."""
     ranged = PLATE.replace('name="axle"', 'name="axle" range="-40 40"')
     (tmp_path / "mybot.xml").write_text(ranged)
     (tmp_path / "fly.csv").write_text("t,value\n0,0\n1,20\n")
     (tmp_path / "mine.toml").write_text('robot = "mybot.xml"\nduration = 0.5\n')
     controls = ("--control", "drive=0.2", "--control", "fly=fly.csv")
     status, out, err = robotball("compare", "mybot.xml", "mine.toml", *controls, "--no-plots")
-    assert status == 1  # what is compared ends before the time that was asked for
+    assert status == 1  # the motion ends before the requested duration
     assert len(re.findall("no verdict.*axle", out)) == 2
     assert "mine-drive-0.2-fly-fly.csv" in out
     assert out.count("robotball check mybot.xml") == 2
@@ -253,16 +252,16 @@ def test_a_robots_own_file_takes_controls(robotball: Robotball, tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_a_controller_of_a_file_closes_the_loop(robotball: Robotball, tmp_path: Path) -> None:
-    """Results are named after it, from a scene's own start and from random ones; it can be sent."""
+def test_compare_runs_a_controller_from_a_file(robotball: Robotball, tmp_path: Path) -> None:
+    """From one or many starts; its name is in the names of results, and it can be pickled."""
     text = "import robotball as rb\nhold = rb.Controller(lambda _: {'frame': -2.0}, 0.01)\n"
     (tmp_path / "loop.py").write_text(text)
     options = ("pendulum_robot", "--controller", "loop.py:hold", "--duration", "0.5")
     status, out, _ = robotball("compare", *options, "--no-plots", "--json", "a.json")
     assert (status, "path error" in out) == (0, True)
-    (found,) = json.loads((tmp_path / "a.json").read_text())
-    assert found["scene"] == "pendulum_robot-loop.py-hold"
-    assert found["loop_growth"] > 0
+    (record,) = json.loads((tmp_path / "a.json").read_text())
+    assert record["scene"] == "pendulum_robot-loop.py-hold"
+    assert record["loop_growth"] > 0
     status, _, _ = robotball("compare", *options, "--starts", "2", "--json", "b.json")
     assert status == 0
     status, out, _ = robotball("report", *options)
@@ -270,29 +269,29 @@ def test_a_controller_of_a_file_closes_the_loop(robotball: Robotball, tmp_path: 
     scene = controlled("pendulum_robot", (), "loop.py:hold")
     sent = pickle.loads(pickle.dumps(scene))
     times = rb.sample_times(0.1)
-    one, other = (rb.simulate(each, times, settings="fast").contact_point for each in (scene, sent))
+    one, other = (rb.simulate(s, times, settings="fast").contact_point for s in (scene, sent))
     assert np.array_equal(one, other)
 
 
-def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:
-    """The JSON has every number, setting and version; run again it gives the same numbers.
+def test_results_can_be_reproduced_from_their_record(robotball: Robotball, tmp_path: Path) -> None:
+    """The JSON has all numbers, settings and versions; a second run gives the same numbers.
 
-    Every preset counts, however it is given, and takes no scene. Status 1, as one is faulty.
+    Both ways of giving several presets are equivalent. Status 1, because one run is faulty.
     """
-    found, more = [], "fig12 classical_regular --duration 1 --no-plots --json a.json --csv a.csv"
+    results, more = [], "fig12 classical_regular --duration 1 --no-plots --json a.json --csv a.csv"
     for presets in ("--preset naive --preset fast", "--preset=naive,fast,"):
         status, out, _ = robotball("compare", *presets.split(), *more.split())
         assert status == 1
-        found.append(json.loads((tmp_path / "a.json").read_text()))
+        results.append(json.loads((tmp_path / "a.json").read_text()))
     assert "faulty" in out
-    # A log has it whole, as a narrow terminal has not.
+    # Not truncated, since the output is not a terminal.
     assert re.search(r"fig12, naive: .* 0\.1 % .* t = 0\.002", out)
     rows = list(csv.DictReader((tmp_path / "a.csv").open()))
     runs = [f"{scene} {name}" for scene in more.split()[:2] for name in ("naive", "fast")]
-    for each in (*found, rows):
-        assert [f"{run['scene']} {run['preset']}" for run in each] == runs
-        assert [float(run["path_error"]) for run in each] == [r["path_error"] for r in found[0]]
-    naive, fast = found[0][:2]
+    for table in (*results, rows):
+        assert [f"{run['scene']} {run['preset']}" for run in table] == runs
+        assert [float(run["path_error"]) for run in table] == [r["path_error"] for r in results[0]]
+    naive, fast = results[0][:2]
     assert (fast["duration"], fast["samples"]) == (1.0, 51)
     assert fast["settings"]["timestep"] == fast["timestep"] == 0.02
     assert fast["settings"]["drive"] == {"armature": 1e14}
@@ -304,10 +303,10 @@ def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_p
     assert unnamed("hinge 0.1~%", naive["faults"][0]["cause"]) == []
 
 
-def test_a_dash_is_standard_output(
+def test_a_dash_writes_to_standard_output(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """It holds the result alone, whole; the table goes to standard error, and no file is left."""
+    """Only the result; the table goes to standard error, and no file is written."""
     monkeypatch.chdir(tmp_path)
     for option, begin in (("--json", '[\n  {\n    "scene": "fig12",'), ("--csv", "scene,rolling,")):
         with pytest.raises(SystemExit, match="0"):
@@ -322,11 +321,11 @@ def test_a_dash_is_standard_output(
 def test_a_scene_refused_by_the_equations_does_not_end_the_batch(
     robotball: Robotball, tmp_path: Path, others: list[str]
 ) -> None:
-    """The others are run and written; a line names the scene and its file; status 2.
+    """The other scenes are run and written; a line names the refused scene; status 2.
 
-    Where there is no other nothing is left, though it is found out after the folder was checked.
+    If there are no others, no files are left.
     """
-    # A weight that turns so fast that it lifts the ball.
+    # A fast rotating weight lifts the ball off the plane.
     lifting_off = rb.load_scene("pendulum_robot").with_hinges(motor=[None], command=[25.0])
     (tmp_path / "off.toml").write_text(rb.scene_toml(lifting_off))
     arguments = ("off.toml", *others, "--preset", "fast", "--duration", 0.2, "--no-plots")
@@ -339,8 +338,8 @@ def test_a_scene_refused_by_the_equations_does_not_end_the_batch(
     assert left == (["a.json", "off.toml"] if others else ["off.toml"])
 
 
-def test_a_users_text_is_shown_as_it_is(robotball: Robotball, tmp_path: Path) -> None:
-    """Neither a formula in a picture nor a style in the terminal: title, file's name, settings."""
+def test_titles_and_file_names_are_shown_literally(robotball: Robotball, tmp_path: Path) -> None:
+    """Not as formulas in pictures, nor as styles in the terminal."""
     name = "x$_{$[red]"
     scene = replace(rb.load_scene("fig12"), title="$5 and $6 [/b] [red] \\")
     (tmp_path / f"{name}.toml").write_text(rb.scene_toml(scene))
@@ -349,10 +348,10 @@ def test_a_users_text_is_shown_as_it_is(robotball: Robotball, tmp_path: Path) ->
     assert name in out
 
 
-def test_a_run_that_broke_in_its_first_step_has_a_page_and_no_film(
+def test_a_run_that_fails_in_its_first_step_has_a_report_and_no_film(
     robotball: Robotball, tmp_path: Path
 ) -> None:
-    """One line says when it ended, and why."""
+    """One line says when and why it ended."""
     fig12 = rb.load_scene("fig12")
     start = replace(fig12.start, momentum=1e5 * fig12.start.momentum)
     (tmp_path / "wild.toml").write_text(rb.scene_toml(replace(fig12, start=start)))
@@ -369,8 +368,8 @@ def test_a_run_that_broke_in_its_first_step_has_a_page_and_no_film(
 # Scenes and robots -----------------------------------------------------------------------------
 
 
-def test_export_prints_mjcf_that_is_complete(robotball: Robotball) -> None:
-    """The printed text compiles by itself, and starts at the scene's start."""
+def test_export_prints_a_complete_mjcf_file(robotball: Robotball) -> None:
+    """The printed text compiles and has the initial attitude of the scene."""
     status, out, complaint = robotball("export", "fig12")
     model = mujoco.MjModel.from_xml_string(out)
     start = rb.load_scene("fig12").start.attitude
@@ -378,10 +377,8 @@ def test_export_prints_mjcf_that_is_complete(robotball: Robotball) -> None:
     assert (status, complaint) == (0, "")
 
 
-def test_export_says_where_the_player_of_changing_controls_is(
-    robotball: Robotball, tmp_path: Path
-) -> None:
-    """The folder has the player, and the model that is printed too; a moving plane has neither."""
+def test_export_writes_a_player_for_varying_controls(robotball: Robotball, tmp_path: Path) -> None:
+    """The folder has the player and the printed model; a moving plane has no MJCF."""
     options = ("wobbling_drive", "--duration", 0.1, "--preset", "fast")
     printed, complaint = robotball("export", *options)[1:]
     assert unnamed("mujoco-play.py --out", complaint) == []
@@ -397,7 +394,7 @@ def test_export_says_where_the_player_of_changing_controls_is(
 
 
 def test_design_prints_bodies_and_writes_a_scene_that_runs(robotball: Robotball) -> None:
-    """Masses, radii, rates and the verdict; the scene beside them agrees in both engines."""
+    """It prints masses, radii, rates and the verdict; both engines agree on the scene."""
     status, out, _ = robotball("design", "fig12", "--rotor-speed", 200)
     assert status == 0
     assert re.search(r"rotor1 .* ring of radius .* rad/s", out)
@@ -412,19 +409,19 @@ HALF = ("three_rotors", "--path", "circle", "--size", 0.5, "--turns", 0.25, "--d
 
 @pytest.mark.slow
 def test_a_robot_is_steered_along_an_arc(robotball: Robotball, tmp_path: Path) -> None:
-    """Status 0; the scene it writes rolls there by the equations, and its pictures are drawn.
+    """Status 0; the written scene follows the arc under the equations, and pictures are drawn.
 
-    Where a hinge may not turn so fast status 1 and a line that begins with `cannot`.
+    A rate limit that is too low gives status 1 and a line that begins with `cannot`.
     """
     status, out, _ = robotball("steer", *HALF)
     assert status == 0
     assert unnamed("circle 0.7854~m 2~s", out) == []
     assert "MuJoCo: agrees" in out
     off = float(re.findall(r"equations: at most (\S+) m off the path", out)[0])
-    assert off < 3e-5  # measured 1.2e-5, by the interpolation of the rates
+    assert off < 3e-5  # measured 1.2e-5, from interpolating the rates
     *_, file, path, momentum = map(Path, out.splitlines())
     assert file.name == "three_rotors_circle-size-0.5-turns-0.25-2s.toml"
-    assert all((tmp_path / each).read_bytes()[:4] == b"\x89PNG" for each in (path, momentum))
+    assert all((tmp_path / f).read_bytes()[:4] == b"\x89PNG" for f in (path, momentum))
     motion = rb.integrate(rb.load_scene(tmp_path / file))
     # A quarter of a circle of 0.5 m to the left of X, from rest to rest.
     assert motion.contact_point[-1] == pytest.approx([0.5, 0.5], abs=3e-5)
@@ -438,8 +435,10 @@ def test_a_robot_is_steered_along_an_arc(robotball: Robotball, tmp_path: Path) -
 # judge -----------------------------------------------------------------------------------------
 
 
-def test_what_is_exported_can_be_judged(robotball: Robotball, tmp_path: Path) -> None:
-    """The reference of an export agrees: status 0; every file is named."""
+def test_the_reference_of_an_export_is_judged_to_agree(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """Status 0; the export lists all of its files."""
     status, out, _ = robotball("export", "fig12", "--out", "ball", "--duration", 1)
     assert status == 0
     names = sorted(path.name for path in (tmp_path / "ball").iterdir())
@@ -453,8 +452,8 @@ def test_what_is_exported_can_be_judged(robotball: Robotball, tmp_path: Path) ->
     assert record["versions"]["robotball"]
 
 
-def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, tmp_path: Path) -> None:
-    """Status 1; the errors under the candidate stand beside those of the file as it is."""
+def test_judge_names_a_mistake_of_convention(robotball: Robotball, tmp_path: Path) -> None:
+    """Status 1; errors are shown before and after correcting the mistake."""
     path = tmp_path / "order.csv"
     rb.integrate(rb.load_scene("fig12"), np.linspace(0, 2, 101)).save(path)
     path.write_text(path.read_text().replace("t,x,y,qw,qx,qy,qz", "t,x,y,qx,qy,qz,qw"))
@@ -465,7 +464,7 @@ def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, tmp_pa
     (judged,) = json.loads((tmp_path / "a.json").read_text())["files"]
     (mistake,) = judged["mistakes"]
     assert unnamed("qx,~qy,~qz,~qw w,~x,~y,~z", mistake["name"]) == []
-    before, after = (mistake[each]["attitude"] for each in ("before", "after"))
+    before, after = (mistake[when]["attitude"] for when in ("before", "after"))
     assert before == judged["attitude_error"] == approx(3.1, abs=0.1)
     assert after == judged["without_mistakes"]["attitude_error"] < 1e-7
     for line, name in zip(out.splitlines()[-2:], ("any change", mistake["name"]), strict=True):
@@ -476,23 +475,23 @@ def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, tmp_pa
 
 
 def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotball) -> None:
-    """Each command with a sentence that begins with a verb, in groups; all values of an option.
+    """Commands are in groups, each with a sentence that begins with a verb.
 
-    The versions are one line. A shell completes by what `--completion` prints.
+    `--version` prints one line; `--completion` prints a script for the shell.
     """
     versions = rf"robotball {version('robotball')} \(.*mujoco {version('mujoco')}.*\n"
     helped, named, completed = (
-        robotball(*each.split()) for each in ("--help", "--version", "--completion bash")
+        robotball(*options.split()) for options in ("--help", "--version", "--completion bash")
     )
     assert (helped[0], named[0], completed[0]) == (0, 0, 0)
-    listed = {"": helped[1]} | {each: robotball(each, "--help")[1] for each in FAMILIES}
+    listed = {"": helped[1]} | {family: robotball(family, "--help")[1] for family in FAMILIES}
     rows = [
         (f"{family} {name}".strip(), verb)
         for family, text in listed.items()
         for name, verb in re.findall(r"^│ (\w+) +([A-Z][a-z]+) ", text, re.MULTILINE)
     ]
     assert {name for name, _ in rows} == {*COMMANDS, *FAMILIES}
-    assert not {verb for _, verb in rows} & {"The", "An", "Orders"}  # each does something
+    assert not {verb for _, verb in rows} & {"The", "An", "Orders"}  # not verbs
     assert all(f"─ {group} ─" in helped[1] for group in GROUPS)
     assert robotball("help") == helped
     assert robotball("help", "study", "cost") == robotball("study", "cost", "--help")
@@ -500,7 +499,7 @@ def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotb
     words = {word for name in COMMANDS for word in name.split()}
     assert all(word in completed[1] for word in (*words, "--preset", "--accuracy"))
     for option, values in {
-        **{f"{each} --preset": rb.PRESETS for each in ("compare", "dynamics section", "export")},
+        **{f"{c} --preset": rb.PRESETS for c in ("compare", "dynamics section", "export")},
         "study convergence --without": [choice.name for choice in CHOICES],
         "study extremes MAPS": MAPS,
     }.items():
@@ -523,8 +522,8 @@ print(*sorted({"numpy", "scipy", "mujoco", "numba", "matplotlib", "msgspec"} & s
 """
 
 
-def test_the_help_of_a_command_loads_nothing_that_computes() -> None:
-    """Nor does the list of all commands."""
+def test_help_imports_no_numerical_packages() -> None:
+    """Neither for one command nor for the list of all commands."""
     *_, loaded = subprocess.check_output(
         [sys.executable, "-c", HELPED], text=True, cwd=PROJECT
     ).splitlines()
@@ -549,8 +548,8 @@ ROBOT = (
         ),
     ],
 )
-def test_nothing_of_the_current_folder_is_imported(tmp_path: Path, arguments: str) -> None:
-    """By none of the Pythons that commands and their packages start."""
+def test_modules_in_the_current_folder_are_not_imported(tmp_path: Path, arguments: str) -> None:
+    """Not by the command, nor by any Python process that it starts."""
     for name in PLANTED:
         (tmp_path / f"{name}.py").write_text(f"open('{tmp_path}/{name}-ran', 'w')\n")
     (tmp_path / "r.xml").write_text(ROBOT)

@@ -1,4 +1,4 @@
-"""An engine of another package goes through everything that ours do."""
+"""An engine of another package works in every command."""
 
 import json
 import os
@@ -18,11 +18,12 @@ from validation import compare
 from validation.plots import momentum_picture, path_picture, sheet_of
 
 FIG12 = rb.load_scene("fig12")
+OFF_LABEL = "Off, as it comes"  # with default settings
 
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The engine `off` as a package with an entry point would bring it."""
+    """Install the engine `off` as an entry point of a package."""
     info = tmp_path / "off-3.1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: off\nVersion: 3.1\n")
@@ -32,14 +33,14 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
 
 
-def test_an_engine_is_held_against_the_equations() -> None:
-    """Its deliberate error, 1e-4 of the path at the end, is measured; plots are in its colour."""
+def test_an_engine_is_compared_with_the_equations() -> None:
+    """Its deliberate error of 1e-4 of the path is measured, and plots have its colour."""
     agreement = compare(FIG12, engine=OFF)
     assert agreement.path_error == pytest.approx(ERROR, rel=1e-9)
     assert (agreement.momentum_error, agreement.agrees) == (0, True)
     for draw, names in (
-        (path_picture, ["equations", "Off, as it comes", "start"]),
-        (momentum_picture, ["Off, as it comes"]),
+        (path_picture, ["equations", OFF_LABEL, "start"]),
+        (momentum_picture, [OFF_LABEL]),
     ):
         axes = draw(sheet_of([agreement])).axes[0]
         assert axes.get_legend_handles_labels()[1] == names
@@ -48,8 +49,8 @@ def test_an_engine_is_held_against_the_equations() -> None:
 
 
 @pytest.mark.usefixtures("installed")
-def test_a_package_brings_an_engine_to_every_command(robotball: Robotball, tmp_path: Path) -> None:
-    """Found by its entry point: in the list, in table, JSON, CSV and the names of pictures."""
+def test_an_engine_is_found_by_its_entry_point(robotball: Robotball, tmp_path: Path) -> None:
+    """It appears in the list of engines, in table, JSON, CSV and names of pictures."""
     assert rb.engine_names() == [*OURS, "off", "torn"]
     assert rb.engine_named("off") is OFF
     options = ("fig12", "--engine", "off", "--json", "data.json", "--csv", "t.csv")
@@ -62,8 +63,9 @@ def test_a_package_brings_an_engine_to_every_command(robotball: Robotball, tmp_p
     assert record["path_error"] == pytest.approx(ERROR, rel=1e-9)
     assert ",Off," in (tmp_path / "t.csv").read_text()
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "fig12-off-as-it-comes-path.png", "fig12-off-as-it-comes-momentum.png",
-    }  # fmt: skip
+        "fig12-off-as-it-comes-path.png",
+        "fig12-off-as-it-comes-momentum.png",
+    }
 
 
 @pytest.mark.usefixtures("installed")
@@ -77,18 +79,18 @@ def test_a_package_brings_an_engine_to_every_command(robotball: Robotball, tmp_p
         ("classical_regular --engine off", "Off classical_regular"),
     ],
 )
-def test_what_an_engine_cannot_do_is_one_line_before_the_run(
+def test_unsupported_requests_to_an_engine_are_refused_before_the_run(
     arguments: str, facts: str, robotball: Robotball
 ) -> None:
-    """Exit status 2."""
+    """In one line, with exit status 2."""
     status, _, err = robotball("compare", *arguments.split())
     assert (status, unnamed(facts, err), err.count("\n")) == (2, [], 1)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("installed")
-def test_the_study_of_engines_runs_an_engine_that_its_table_lacks(tmp_path: Path) -> None:
-    """Each of its presets as it is, in a process of its own."""
+def test_the_study_of_engines_runs_an_engine_without_settings_in_its_table(tmp_path: Path) -> None:
+    """Each of its presets runs with default settings, in a separate process."""
     study = "engines fig12 --only off --duration 1 --workers 1"
     here = {**os.environ, "PYTHONPATH": str(tmp_path)}
     command = [sys.executable, "-P", "-m", "validation", *study.split()]

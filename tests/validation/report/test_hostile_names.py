@@ -33,10 +33,10 @@ def bodies_in(page: str) -> list[str]:
     """
     parsed = Page(page)
     assert not {"onerror", "onload"} & parsed.found
-    data = [each for each in parsed.scripts if each.startswith("{")]
+    data = [script for script in parsed.scripts if script.startswith("{")]
     # After `<!--<script>` browsers read `</script>` as text, unlike some parsers of Python.
-    assert not any("<" in each for each in data)
-    return [body["name"] for each in data for body in json.loads(each)["bodies"]]
+    assert not any("<" in script for script in data)
+    return [body["name"] for script in data for body in json.loads(script)["bodies"]]
 
 
 @pytest.fixture

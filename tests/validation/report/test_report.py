@@ -42,8 +42,8 @@ def test_a_report_has_settings_versions_and_command(page: str, agreements: list[
 
     It loads nothing else, and does not depend on the speed of the run.
     """
-    for words in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
-        assert words in page.replace("&quot;", '"')
+    for text in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
+        assert text in page.replace("&quot;", '"')
     assert (
         '<th scope="col">time [s]</th><th scope="col">distance [m], MuJoCo as it comes</th>' in page
     )
@@ -54,8 +54,11 @@ def test_a_report_has_settings_versions_and_command(page: str, agreements: list[
     assert re.findall(outside, page) == []
     assert len(page) < 1e6  # measured 0.2 MB
     slower = [
-        replace(each, motion=replace(each.motion, report=replace(each.report, seconds=77.0)))
-        for each in agreements
+        replace(
+            agreement,
+            motion=replace(agreement.motion, report=replace(agreement.report, seconds=77.0)),
+        )
+        for agreement in agreements
     ]
     assert slower[0].realtime_factor != agreements[0].realtime_factor
     assert report(slower, COMMAND) == page
@@ -83,13 +86,13 @@ def test_a_sentence_has_the_error_and_its_bound_or_the_end_of_the_run(
     assert "<img src=x" not in report([odd], COMMAND)
 
 
-def test_friction_needed_stands_beside_what_is_given() -> None:
-    """fig12 needs 1.32 by the equations; the recipe's plane gives 20."""
+def test_the_friction_needed_is_shown_beside_the_friction_available() -> None:
+    """fig12 needs 1.32 according to the equations; the recipe has 20."""
     agreement = compare("fig12", settings="fast")
-    words = friction_needed(agreement.theory)
-    assert unnamed("sliding 1.32 torsional 1.87~m", words) == []
+    sentence = friction_needed(agreement.theory)
+    assert unnamed("sliding 1.32 torsional 1.87~m", sentence) == []
     page = report([agreement], COMMAND)
-    assert together(words) in page
+    assert together(sentence) in page
     assert '<td class="number">20.0</td><td>9.58\u00a0%</td>' in page
 
 
@@ -201,19 +204,19 @@ def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: 
     (tmp_path / "s.png").write_bytes(b"\x89PNG")
     assert robotball("report", "s.json")[0] == 0
     made = (tmp_path / "out" / "s-report.html").read_text("utf-8")
-    for words in ("<td>fig12</td>", "half ?", "a &lt;b&gt;", "1.235e-07", "data:image/png;base64,"):
-        assert words in made
+    for text in ("<td>fig12</td>", "half ?", "a &lt;b&gt;", "1.235e-07", "data:image/png;base64,"):
+        assert text in made
     assert "deep" not in made
 
 
 def test_a_report_of_a_motorized_scene_has_the_loads(page: str) -> None:
     """Each driven hinge has torque, rate and power with units."""
-    for words in (
+    for text in (
         "Torque of frame: at most",
         "Rate of frame: at most 2\u00a0rad/s<",
         "Power of rotor1: at most",
     ):
-        assert words in page
+        assert text in page
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_a_result_is_written_as_a_branch_grows(
 
     class Bar:
         def __enter__(self) -> Any:
-            return lambda part, what: done.append(part)
+            return lambda part, message: done.append(part)
 
         def __exit__(self, *of: object) -> None:
             pass

@@ -82,11 +82,14 @@ def test_the_exponents_of_a_chart_agree_with_another_integrator(
     scene: str, over: dict[str, Array]
 ) -> None:
     """λ₁ over 3 s at 4 x 4 points; in reversed order it differs."""
-    some = cell(scene, over)
-    expected, found = growths(scene, some), [row["largest"] for row in measure(some)["rows"]]
+    example_cell = cell(scene, over)
+    expected, measured = (
+        growths(scene, example_cell),
+        [row["largest"] for row in measure(example_cell)["rows"]],
+    )
     # Measured 3.1e-7 (classical): the distance of the neighbours is finite.
-    assert found == pytest.approx(expected, abs=3e-6)
-    assert np.abs(found - expected[::-1]).max() > 0.1
+    assert measured == pytest.approx(expected, abs=3e-6)
+    assert np.abs(measured - expected[::-1]).max() > 0.1
 
 
 @pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])
@@ -95,8 +98,8 @@ def test_twice_as_fast_a_motion_has_twice_the_exponent(scene: str) -> None:
     ball, attitudes, momenta = kernel_start(rb.load_scene(scene))
     fast = replace(ball, K=eq.scale(2, ball.K), Omega=eq.scale(2, ball.Omega))
     slow = exponents_of(ball, attitudes, momenta, 40.0, 10.0)
-    found = exponents_of(fast, attitudes, 2 * momenta, 20.0, 5.0)
-    assert found.largest == pytest.approx(2 * slow.largest, abs=1e-9)  # measured 0
+    exponents = exponents_of(fast, attitudes, 2 * momenta, 20.0, 5.0)
+    assert exponents.largest == pytest.approx(2 * slow.largest, abs=1e-9)  # measured 0
 
 
 @pytest.mark.parametrize(("scene", "axis"), [("fig14", 1), ("classical_chaotic", 0)])
@@ -110,10 +113,10 @@ def test_symmetric_starts_have_equal_exponents(scene: str, axis: int) -> None:
     over = multiply(np.eye(4)[1 + axis], attitude)
     starts, momenta = np.array([attitude, over, over]), np.tile(momentum, (3, 1))
     momenta[1:, 2] *= -1
-    found = exponents_of([ball, ball, other], starts, momenta, 10.0, 5.0).largest
+    largest = exponents_of([ball, ball, other], starts, momenta, 10.0, 5.0).largest
     # Measured 1.2e-10 (classical): rounding, grown by e^5; with K₂ as -K₂ 0.036 and more.
-    assert found[1] == pytest.approx(found[0], abs=1e-8)
-    assert abs(found[2] - found[0]) > 1e-2
+    assert largest[1] == pytest.approx(largest[0], abs=1e-8)
+    assert abs(largest[2] - largest[0]) > 1e-2
 
 
 @pytest.mark.parametrize("dimensions", [1, 2])
@@ -139,8 +142,8 @@ def test_a_followed_motion_begins_at_the_end_of_the_previous_one() -> None:
     ball, attitudes, momenta = kernel_start(rb.load_scene("fig12"))
     whole = sections_of(ball, attitudes, momenta, 300, direction=1).L[0] / 5
     for follow, expected in ((True, whole), (False, np.tile(whole[:100], 3))):
-        some = cell("fig12", {"Omega": [2.0, 2.0, 2.0]}, follow=follow, skipped=0)
-        crossings = np.array([row["crossings"] for row in measure(some)["rows"]])
+        example_cell = cell("fig12", {"Omega": [2.0, 2.0, 2.0]}, follow=follow, skipped=0)
+        crossings = np.array([row["crossings"] for row in measure(example_cell)["rows"]])
         # Measured 1.5e-9: a new start changes the steps.
         assert crossings[..., 0].ravel() == pytest.approx(expected, abs=1e-6)
 

@@ -47,28 +47,28 @@ def quality(preset: str) -> tuple[rb.Motion, ContactMotion, dict[str, float | No
 
 def test_the_recipes_contact_is_good() -> None:
     """Forces are right to rounding and energy to 1.2e-10. A planted force is found."""
-    theory, motion, found = quality("balanced")
-    assert abs(found["normal_force_error"] or 0.0) < 1e-14  # measured 1.2e-15
-    assert found["cone_violation"] == 0.0
-    assert abs(found["slip_work"] or 1.0) < 1e-10  # measured 2.1e-11
-    assert abs(found["energy_error"] or 1.0) < 5e-10  # measured 1.2e-10
+    theory, motion, contact = quality("balanced")
+    assert abs(contact["normal_force_error"] or 0.0) < 1e-14  # measured 1.2e-15
+    assert contact["cone_violation"] == 0.0
+    assert abs(contact["slip_work"] or 1.0) < 1e-10  # measured 2.1e-11
+    assert abs(contact["energy_error"] or 1.0) < 5e-10  # measured 1.2e-10
     loads = replace(motion.loads, contact_force=1.5 * motion.loads.contact_force)
     used = motion.report.friction_used
     report = replace(motion.report, friction_used=used * (1.25 / used.max()))
     planted = contact_quality(replace(motion, loads=loads, report=report), theory)
     assert planted["normal_force_error"] == pytest.approx(0.5, rel=1e-9)
     assert planted["cone_violation"] == pytest.approx(0.25, rel=1e-9)
-    assert planted["slip_work"] == pytest.approx(1.5 * (found["slip_work"] or 0.0), rel=1e-9)
+    assert planted["slip_work"] == pytest.approx(1.5 * (contact["slip_work"] or 0.0), rel=1e-9)
 
 
 @pytest.mark.filterwarnings("ignore::robotball.SceneWarning")
 def test_the_naive_contact_is_bad() -> None:
     """The ball is thrown up, and friction takes energy."""
-    _, _, found = quality("naive")
+    _, _, contact = quality("naive")
     bounds = {"normal_force_error": 1.0, "slip_work": 0.01, "energy_error": 0.01}
     # Measured 7.0, 0.016 and -0.028.
     assert {
-        name: abs(found[name] or 0.0) > least for name, least in bounds.items()
+        name: abs(contact[name] or 0.0) > least for name, least in bounds.items()
     } == dict.fromkeys(bounds, True)
 
 
@@ -77,11 +77,14 @@ def test_unknown_residuals_are_none() -> None:
     theory, motion, _ = quality("balanced")
     loads: Any = motion.loads.unknown(len(motion.times), 2)
     report = replace(motion.report, friction_used=np.full(len(motion.times), np.nan))
-    found = contact_quality(replace(motion, loads=loads, report=report), theory)
-    assert [name for name, value in found.items() if value is not None] == ["energy_error"]
+    contact = contact_quality(replace(motion, loads=loads, report=report), theory)
+    assert [name for name, value in contact.items() if value is not None] == ["energy_error"]
     beaver = rb.integrate(rb.load_scene("beaver_ball"), rb.sample_times(0.1))
-    found = contact_quality(rb.simulate(beaver.scene, beaver.times), beaver)
-    assert [name for name, value in found.items() if value is None] == ["slip_work", "energy_error"]
+    contact = contact_quality(rb.simulate(beaver.scene, beaver.times), beaver)
+    assert [name for name, value in contact.items() if value is None] == [
+        "slip_work",
+        "energy_error",
+    ]
 
 
 @pytest.mark.slow
@@ -103,6 +106,6 @@ def test_an_engine_reports_its_contact_force(
     theory = rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.3))
     settings = replace(engine.presets[preset], timestep=timestep, stop_at_fault=False)
     motion = rb.simulate(theory.scene, theory.times, settings=settings, engine=engine)
-    found = contact_quality(motion, theory)
-    assert abs(found["normal_force_error"] or 1.0) < 3 * measured
-    assert abs(1.0 if found["cone_violation"] is None else found["cone_violation"]) < 1e-9
+    contact = contact_quality(motion, theory)
+    assert abs(contact["normal_force_error"] or 1.0) < 3 * measured
+    assert abs(1.0 if contact["cone_violation"] is None else contact["cone_violation"]) < 1e-9

@@ -40,9 +40,9 @@ def study(scene: str, *undone: str) -> Runs:
     return measure_convergence(rb.load_scene(scene), settings, rb.sample_times(1.0), 6)
 
 
-def order(found: Runs, name: str) -> Order:
+def order(runs: Runs, name: str) -> Order:
     """Return the order against the contact model's own limit, which must exist."""
-    fitted, _ = found.order(name, "own")
+    fitted, _ = runs.order(name, "own")
     assert fitted is not None
     return fitted
 
@@ -50,34 +50,34 @@ def order(found: Runs, name: str) -> Order:
 @pytest.mark.parametrize("scene", ["fig12", "classical_regular"])
 def test_every_integrator_has_the_order_that_is_claimed(scene: str) -> None:
     """The fit uses all steps of the power law. The limit of the recipe is the equations' motion."""
-    found = study(scene)
+    runs = study(scene)
     for name, claimed in ORDERS.items():
-        fitted = order(found, name)
+        fitted = order(runs, name)
         assert abs(fitted.order - claimed) < BOUNDS[name], name
         assert fitted.points >= 4
         assert fitted.stderr < 0.25  # measured at most 0.159, with DOP853
     # The error of an adaptive run is nearly proportional to its tolerance: powers 0.87 and 0.90.
-    assert 0.8 < order(found, "DOP853").order < 1.1
+    assert 0.8 < order(runs, "DOP853").order < 1.1
     # Measured 1.8e-13 and 6.5e-13 of the path: rounding, and the tolerance of the equations.
-    assert found.limit["model_error"] < 2e-12
-    assert all(abs(row["own_error"] - row["equations_error"]) < 2e-12 for row in found.rows)
+    assert runs.limit["model_error"] < 2e-12
+    assert all(abs(row["own_error"] - row["equations_error"]) < 2e-12 for row in runs.rows)
 
 
 def test_a_soft_contact_has_a_limit_of_its_own() -> None:
     """The error against this limit keeps falling; the error against the equations stalls."""
-    found = study("fig12", *SOFT)
-    model_error = found.limit["model_error"]
+    runs = study("fig12", *SOFT)
+    model_error = runs.limit["model_error"]
     assert model_error == pytest.approx(3.77e-3, rel=0.05)
-    assert found.limit["known_to"] < 1e-12  # measured 7.5e-15
-    assert order(found, "RK4").order == pytest.approx(4, abs=0.2)  # measured 4.07
-    fitted, stall = found.order("RK4", "equations")
+    assert runs.limit["known_to"] < 1e-12  # measured 7.5e-15
+    assert order(runs, "RK4").order == pytest.approx(4, abs=0.2)  # measured 4.07
+    fitted, stall = runs.order("RK4", "equations")
     assert fitted is None
     assert stall == pytest.approx(model_error, rel=1e-3)
     # Measured 5.7e-12 / 3.8e-3.
-    assert found.by_name["RK4"][-1]["own_error"] < 5e-9 * model_error
+    assert runs.by_name["RK4"][-1]["own_error"] < 5e-9 * model_error
     # Euler's error falls below the model's error: measured order 1.00, and a stall at 2.0e-3.
-    assert order(found, "Euler").order == pytest.approx(1, abs=0.05)
-    assert found.order("Euler", "equations")[1] is not None
+    assert order(runs, "Euler").order == pytest.approx(1, abs=0.05)
+    assert runs.order("Euler", "equations")[1] is not None
 
 
 def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator() -> None:
@@ -85,21 +85,21 @@ def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator() -> None:
 
     The normal force is not smooth at the start.
     """
-    found = study("fig12", "start")
+    runs = study("fig12", "start")
     # Measured 5.6e-7 of the path; errors at finite steps reach 5e-2.
-    assert found.limit["model_error"] < 2e-6
-    assert order(found, "RK4").order == pytest.approx(1, abs=0.1)  # measured 0.984
+    assert runs.limit["model_error"] < 2e-6
+    assert order(runs, "RK4").order == pytest.approx(1, abs=0.1)  # measured 0.984
 
 
 @pytest.mark.parametrize("name", ["Euler", "RK4"])
 def test_richardson_estimates_the_true_error(name: str) -> None:
     """The estimate from two runs is as accurate as the order, far above rounding."""
-    found = study("fig12")
+    runs = study("fig12")
     # At an error of 1e-13, rounding alone changes the ratio by 0.06.
     ratios = [
         row["richardson"] / row["own_error"]
-        for row in found.by_name[name]
-        if row["richardson"] and row["own_error"] > 20 * found.limit["known_to"]
+        for row in runs.by_name[name]
+        if row["richardson"] and row["own_error"] > 20 * runs.limit["known_to"]
     ]
     assert len(ratios) >= 3
     # Measured 0.989 to 1.075 with every kernel of OpenBLAS: the next power of the step.
@@ -150,39 +150,39 @@ def test_the_line_stops_at_the_floor(order: float, floor: float, at_once: float,
     """For any order and floor, the fitted order is right and uses errors above the floor."""
     truth = at_once * H**order
     noise = np.random.default_rng(seed).uniform(0.3, 1.0, len(H))
-    found = fit_order(STEPS, (truth + floor * noise).tolist())
+    fitted = fit_order(STEPS, (truth + floor * noise).tolist())
     above = int((truth > 30 * floor).sum())
-    if found is None:
+    if fitted is None:
         # Three points would make a line, but the floor bends it.
         assert above < 4
         return
     # Measured at most 6.1 % off over 60 000 draws, and 15 % with few points above the floor,
     # which bends the line at its lower end.
-    assert abs(found.order - order) < (0.08 if above >= 4 else 0.2) * order
+    assert abs(fitted.order - order) < (0.08 if above >= 4 else 0.2) * order
     # Measured 0.51 at least.
-    assert at_once * found.shortest**order > 0.3 * floor
+    assert at_once * fitted.shortest**order > 0.3 * floor
 
 
 @given(order=st.floats(0.9, 8.0), floor=st.floats(1e-12, 1e-6))
 def test_errors_below_a_given_floor_are_ignored(order: float, floor: float) -> None:
     """Errors may keep falling below the floor."""
     errors = 10 * H**order
-    found = fit_order(STEPS, errors.tolist(), floor)
-    if found is not None:
-        assert found.shortest > 0.9 * H[errors > floor].min()
-        assert found.order == pytest.approx(order, rel=1e-9)
-        assert found.stderr < 1e-9
+    fitted = fit_order(STEPS, errors.tolist(), floor)
+    if fitted is not None:
+        assert fitted.shortest > 0.9 * H[errors > floor].min()
+        assert fitted.order == pytest.approx(order, rel=1e-9)
+        assert fitted.stderr < 1e-9
 
 
 def test_too_long_steps_are_left_out() -> None:
     """Saturated errors at long steps and broken runs do not affect the line."""
     h = H[:10]
     errors: list[float | None] = [float(e) for e in np.minimum(1e6 * h**4, 0.3 + h)]
-    found = fit_order([0.4, 0.2, *h], [None, np.inf, *errors])
-    assert found is not None
+    fitted = fit_order([0.4, 0.2, *h], [None, np.inf, *errors])
+    assert fitted is not None
     # Measured 3.978: the line includes one point that is slightly low.
-    assert found.order == pytest.approx(4, abs=0.04)
-    assert found.longest < 2.1 * h[1e6 * h**4 < 0.3].max()
+    assert fitted.order == pytest.approx(4, abs=0.04)
+    assert fitted.longest < 2.1 * h[1e6 * h**4 < 0.3].max()
 
 
 def test_errors_that_do_not_fall_have_no_order() -> None:
@@ -198,13 +198,13 @@ def test_the_standard_error_is_the_standard_error_of_the_slope() -> None:
     """On noisy points it equals the result of NumPy's polyfit."""
     h = H[:8]
     errors = h**4 * np.exp(np.random.default_rng(1).normal(0, 0.05, 8))
-    found = fit_order(STEPS[:8], errors.tolist())
-    assert found is not None
+    fitted = fit_order(STEPS[:8], errors.tolist())
+    assert fitted is not None
     slope, covariance = np.polyfit(np.log(h), np.log(errors), 1, cov=True)
-    assert found.order == pytest.approx(slope[0])
-    assert found.stderr == pytest.approx(np.sqrt(covariance[0, 0]))
+    assert fitted.order == pytest.approx(slope[0])
+    assert fitted.stderr == pytest.approx(np.sqrt(covariance[0, 0]))
     # The line passes through the middle of the points.
-    assert found.error_at(h) == pytest.approx(np.exp(np.polyval(slope, np.log(h))))
+    assert fitted.error_at(h) == pytest.approx(np.exp(np.polyval(slope, np.log(h))))
 
 
 @pytest.mark.filterwarnings("ignore:Data has no positive values")

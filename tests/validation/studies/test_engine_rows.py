@@ -8,7 +8,7 @@ from validation.studies.engine_study import row_of
 
 
 @pytest.mark.parametrize("name", OURS)
-def test_a_row_is_of_its_engines_own_presets(name: str) -> None:
+def test_a_row_refers_to_presets_of_its_engine(name: str) -> None:
     """Ladders name fields of the presets, and an engine of another package names its source.
 
     MuJoCo's ports use MuJoCo's presets, without a source.

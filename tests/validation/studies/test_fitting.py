@@ -1,4 +1,4 @@
-"""`robotball fit`: what it prints, writes and returns."""
+"""`robotball fit`: its output, files and exit status."""
 
 import json
 from dataclasses import replace
@@ -18,19 +18,19 @@ from tests.validation.json_keys import misfits
 from validation.studies import fitting
 
 
-def written(found: rb.Log, path: Path) -> None:
-    """A log as a file."""
-    position, attitude, gyro = found.sensors
+def written(run: rb.Log, path: Path) -> None:
+    """Write a log to a CSV file."""
+    position, attitude, gyro = run.sensors
     table = np.column_stack([position.times, position.values, attitude.values, gyro.values])
     header = "t,x,y,qw,qx,qy,qz,wx,wy,wz"
     np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.12g")
 
 
 @pytest.mark.slow
-def test_a_log_is_fitted_by_the_equations_and_by_an_engine(
+def test_a_log_is_fitted_with_the_equations_and_with_an_engine(
     robotball: Robotball, tmp_path: Path
 ) -> None:
-    """The engine as it comes pays for its contact; files and the record hold what is printed."""
+    """The soft default contact of the engine biases the numbers; files and record have them."""
     written(log(), tmp_path / "run.csv")
     options = ("--free", "battery.mass,kv", "--noise", "position=1e-3,attitude=1e-2,gyro=2e-2")
     status, out, _ = robotball(
@@ -44,7 +44,7 @@ def test_a_log_is_fitted_by_the_equations_and_by_an_engine(
     mass, kv = record["numbers"]
     assert (mass["name"], kv["name"]) == ("frame.part.battery.mass", "frame.kv")
     (naive,) = record["by_engines"]
-    # Measured: 6 standard deviations in 3 s; the contact lets the shell slip and spin.
+    # Measured 6 standard deviations in 3 s: the shell slips and spins.
     assert abs(naive["numbers"][0]["value"] - mass["value"]) > 4 * mass["deviation"]
     assert naive["chi2_per_degree"] > 1.5 * record["chi2"] / record["degrees_of_freedom"]
     fitted = rb.load_scene(tmp_path / "out" / "fit-pendulum_robot.toml")
@@ -54,8 +54,10 @@ def test_a_log_is_fitted_by_the_equations_and_by_an_engine(
     assert page.count("<svg") >= 3
 
 
-def test_a_log_that_tells_nothing_is_no_success(robotball: Robotball, tmp_path: Path) -> None:
-    """Positions that are nothing but noise of a metre: status 1, and a line says so."""
+def test_a_log_that_constrains_no_number_gives_status_1(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """Positions of pure noise of one metre; a line explains it."""
     rng, times = np.random.default_rng(0), np.arange(0.0, 1.0, 0.02)
     table = np.column_stack([times, rng.normal(0.0, 1.0, (len(times), 2))])
     np.savetxt(tmp_path / "n.csv", table, delimiter=",", header="t,x,y", comments="")
@@ -65,8 +67,8 @@ def test_a_log_that_tells_nothing_is_no_success(robotball: Robotball, tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_number_at_its_limit_is_no_success(robotball: Robotball, tmp_path: Path) -> None:
-    """With so much noise given, a gain of 0.399 explains the log of one of 0.4: status 1."""
+def test_a_number_at_its_limit_gives_status_1(robotball: Robotball, tmp_path: Path) -> None:
+    """With this noise, the limit of 0.399 explains a log with a gain of 0.4."""
     written(log(), tmp_path / "run.csv")
     options = ("--free", "kv=0.39:0.399", "--noise", "position=1e-2,attitude=1e-1,gyro=2e-1")
     scene = off(tmp_path, kv=0.985)
@@ -88,10 +90,10 @@ def test_a_number_at_its_limit_is_no_success(robotball: Robotball, tmp_path: Pat
         (("lost.csv", "--free", "kv"), "lost.csv"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused_in_a_line(
+def test_invalid_fits_are_refused_in_one_line(
     options: tuple[str, ...], facts: str, robotball: Robotball, tmp_path: Path
 ) -> None:
-    """Status 2: no log, nothing free, a noise that is none, a file that is not there."""
+    """Status 2: no log, no free number, invalid noise, unsuitable engine, missing file."""
     written(log(), tmp_path / "run.csv")
     status, _, err = robotball("fit", "pendulum_robot", *options)
     assert status == 2
@@ -102,10 +104,8 @@ def test_what_cannot_be_fitted_is_refused_in_a_line(
 ROBOT = Path("examples/first_robot.xml").absolute()
 
 
-def test_a_robots_own_file_has_numbers_by_its_own_names(
-    robotball: Robotball, tmp_path: Path
-) -> None:
-    """Status 2 and a line with the neighbours of a wrong one; all are listed where none is free."""
+def test_numbers_of_a_robot_file_have_its_names(robotball: Robotball, tmp_path: Path) -> None:
+    """All are listed if no number is free; a misspelt name gets status 2 and suggestions."""
     written(log(), tmp_path / "run.csv")
     status, out, err = robotball("fit", ROBOT, "run.csv")
     assert (status, {"floor.size.x", "plate.geom.mass"} - {*out.split()}) == (2, set())
@@ -114,10 +114,10 @@ def test_a_robots_own_file_has_numbers_by_its_own_names(
     assert unnamed("'plate.maas' plate.geom.mass", err) == []
 
 
-def test_a_file_is_not_fitted_as_it_is_without_the_toolbox(
+def test_without_the_toolbox_only_the_equations_are_fitted(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A line says how to install it; the equations are fitted none the less."""
+    """A line says how to install it."""
     robot = robot_numbers(ROBOT)
     monkeypatch.delattr(toolbox.sysid, "optimize", raising=False)
     assert [*fitting.as_it_is(robot)] == []
@@ -125,10 +125,12 @@ def test_a_file_is_not_fitted_as_it_is_without_the_toolbox(
     assert [*fitting.as_it_is(numbers_of("pendulum_robot"))] == []
 
 
-def test_a_position_that_strays_may_be_of_another_world() -> None:
-    """A line names what would find that; of another sensor that strays there is none."""
-    found = rb.fit("pendulum_robot", [log()], ["kv"], noise=NOISE)
+def test_residuals_of_the_position_suggest_fitting_the_world_frame() -> None:
+    """Only for positions, not for other sensors."""
+    result = rb.fit("pendulum_robot", [log()], ["kv"], noise=NOISE)
     for name in ("position", "gyro"):
-        sensors = tuple(replace(s, probability=float(s.name != name)) for s in found.sensors)
-        said = [*fitting.lines(replace(found, sensors=sensors))]
-        assert any("--also world.origin,world.yaw" in each for each in said) == (name == "position")
+        sensors = tuple(replace(s, probability=float(s.name != name)) for s in result.sensors)
+        lines = [*fitting.lines(replace(result, sensors=sensors))]
+        assert any("--also world.origin,world.yaw" in line for line in lines) == (
+            name == "position"
+        )

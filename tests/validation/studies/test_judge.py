@@ -155,12 +155,12 @@ def test_a_mistake_in_a_file_is_named(number: int) -> None:
     file = right = run(scene, STEPS[number % 2])
     for name in names:
         file = IN_FILES[name](file, scene)
-    found = judged(scene, file)
-    assert len(found.mistakes) == len(names), found.mistakes
-    assert untold(names, [mistake.name for mistake in found.mistakes]) == []
+    verdict = judged(scene, file)
+    assert len(verdict.mistakes) == len(names), verdict.mistakes
+    assert untold(names, [mistake.name for mistake in verdict.mistakes]) == []
     theory, motion = rb.integrate(scene, right.times), rb.recorded(scene, right)
-    assert found.best.path_error == pytest.approx(path_error(motion, theory), rel=1e-6, abs=1e-9)
-    assert found.best.attitude_error == pytest.approx(attitude_error(motion, theory), rel=1e-6)
+    assert verdict.best.path_error == pytest.approx(path_error(motion, theory), rel=1e-6, abs=1e-9)
+    assert verdict.best.attitude_error == pytest.approx(attitude_error(motion, theory), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -170,9 +170,9 @@ def test_a_clock_that_is_a_hundredth_off_is_named(number: int, factor: float) ->
     """Undoing the factor removes the error."""
     scene = SCENES[number]
     right = exact(scene)
-    found = judged(scene, replace(right, times=factor * right.times))
-    assert untold([f"times {factor:g}"], [mistake.name for mistake in found.mistakes]) == []
-    assert found.best.path_error < 1e-6  # measured 2e-8; the factor is fitted
+    verdict = judged(scene, replace(right, times=factor * right.times))
+    assert untold([f"times {factor:g}"], [mistake.name for mistake in verdict.mistakes]) == []
+    assert verdict.best.path_error < 1e-6  # measured 2e-8; the factor is fitted
 
 
 @pytest.mark.parametrize(("shift", "facts"), [(0.02, "0.02~s late"), (-3e-4, "0.0003~s early")])
@@ -184,11 +184,11 @@ def test_a_shift_in_time_is_found(shift: float, facts: str) -> None:
     right = exact(FIG12)
     keep = right.times + shift >= 0
     times, position = (right.times + shift)[keep], right.position[keep]
-    found = judged(FIG12, rb.Trajectory("run.csv", times, position, right.attitude[keep]))
-    assert found.mistakes == ()
-    assert found.lag.explains
-    assert found.lag.shift == pytest.approx(shift, abs=1e-6)
-    assert any(not unnamed(facts, line) for line in lines(found))
+    verdict = judged(FIG12, rb.Trajectory("run.csv", times, position, right.attitude[keep]))
+    assert verdict.mistakes == ()
+    assert verdict.lag.explains
+    assert verdict.lag.shift == pytest.approx(shift, abs=1e-6)
+    assert any(not unnamed(facts, line) for line in lines(verdict))
 
 
 def with_rate(hinge: int, factor: float) -> InScene:
@@ -232,9 +232,9 @@ RATES: list[Rate] = [
 @pytest.mark.parametrize("rate", RATES)
 def test_a_rate_of_any_kind_is_scaled(rate: Rate) -> None:
     """The scaled rate is three times as large at any time."""
-    own, three = (as_drive(each, 1.0) for each in (rate, scaled_rate(as_drive(rate, 1.0), 3.0)))
+    plain, three = (as_drive(drive, 1.0) for drive in (rate, scaled_rate(as_drive(rate, 1.0), 3.0)))
     for t in (0.1, 0.4, 0.9):
-        assert three.rate(t) == pytest.approx(3 * own.rate(t), rel=1e-12)
+        assert three.rate(t) == pytest.approx(3 * plain.rate(t), rel=1e-12)
 
 
 IN_SCENES: list[tuple[str, int, InScene]] = [
@@ -261,33 +261,33 @@ def test_a_mistake_in_setting_up_the_scene_is_named(
 ) -> None:
     """The engine used another drive, model or start, and nothing else is named."""
     scene = SCENES[number]
-    found = judged(scene, run(plant(scene)))
-    assert untold([facts], [mistake.name for mistake in found.mistakes]) == []
-    assert found.best.path_error < 0.02
+    verdict = judged(scene, run(plant(scene)))
+    assert untold([facts], [mistake.name for mistake in verdict.mistakes]) == []
+    assert verdict.best.path_error < 0.02
 
 
 @pytest.mark.parametrize(
-    "what", ["inertia", "radius", "path", pytest.param("attitude", marks=pytest.mark.study)]
+    "mistake", ["inertia", "radius", "path", pytest.param("attitude", marks=pytest.mark.study)]
 )
-def test_a_mistake_that_is_not_known_has_no_name(what: str) -> None:
+def test_an_unknown_mistake_has_no_name(mistake: str) -> None:
     """Examples: a wrong number of the scene, and noise in the file."""
-    scene, rng = SCENES[6 if what == "attitude" else 0], np.random.default_rng(5)
+    scene, rng = SCENES[6 if mistake == "attitude" else 0], np.random.default_rng(5)
     file = exact(scene)
-    if what == "inertia":
+    if mistake == "inertia":
         frame = replace(scene.ball.frame, inertia=1.01 * scene.ball.frame.inertia)
         file = exact(scene.with_hinges(body={"frame": frame}))
-    elif what == "radius":
+    elif mistake == "radius":
         shell = replace(scene.ball.shell, radius=1.1 * scene.ball.radius)
         file = exact(replace(scene, ball=replace(scene.ball, shell=shell)))
-    elif what == "path":
+    elif mistake == "path":
         file = replace(file, position=file.position + rng.normal(0, 0.3, file.position.shape))
     else:
         noisy = file.attitude + rng.normal(0, 0.1, file.attitude.shape)
         file = replace(file, attitude=noisy / np.linalg.norm(noisy, axis=1, keepdims=True))
-    found = judged(scene, file)
-    assert (found.mistakes, found.agrees) == ((), False)
-    if what == "inertia":  # the path is within the tolerance, and the attitude is not
-        assert found.plain.path_error < found.tolerance < found.plain.attitude_error
+    verdict = judged(scene, file)
+    assert (verdict.mistakes, verdict.agrees) == ((), False)
+    if mistake == "inertia":  # the path is within the tolerance, and the attitude is not
+        assert verdict.plain.path_error < verdict.tolerance < verdict.plain.attitude_error
 
 
 def test_a_swing_that_is_slower_is_not_taken_for_a_slow_clock() -> None:
@@ -299,8 +299,8 @@ def test_a_swing_that_is_slower_is_not_taken_for_a_slow_clock() -> None:
     frame = scene.ball.frame
     r, m = frame.centre, frame.mass
     slower = replace(frame, inertia=frame.inertia + m * (r @ r * np.eye(3) - np.outer(r, r)))
-    found = judged(scene, exact(scene.with_hinges(body={"frame": slower}), 0.5, 25))
-    assert (found.mistakes, found.agrees) == ((), False)
+    verdict = judged(scene, exact(scene.with_hinges(body={"frame": slower}), 0.5, 25))
+    assert (verdict.mistakes, verdict.agrees) == ((), False)
 
 
 def spinning(rate: float) -> rb.Scene:
@@ -330,9 +330,9 @@ def test_a_limit_of_the_rates_is_not_taken_for_degrees() -> None:
 )
 def test_a_right_file_has_no_mistake(number: int) -> None:
     """A first-order engine's attitude errors of 0.005 to 1.1 rad are not called mistakes."""
-    found = judged(SCENES[number], run(SCENES[number], STEPS[0]))
-    assert found.mistakes == ()
-    assert found.plain.attitude_error > 2e-3  # measured 4.6e-3 (ball 4) to 1.1
+    verdict = judged(SCENES[number], run(SCENES[number], STEPS[0]))
+    assert verdict.mistakes == ()
+    assert verdict.plain.attitude_error > 2e-3  # measured 4.6e-3 (ball 4) to 1.1
 
 
 @pytest.mark.parametrize(("name", "preset"), [("fig12", "naive"), ("classical_regular", "fast")])
@@ -340,9 +340,9 @@ def test_a_contact_engines_file_has_no_mistake(name: str, preset: str, tmp_path:
     """Cases: a path error of 0.6 with slip, lost contact and wrong hinge rates; one of 1e-7."""
     scene = rb.load_scene(name)
     rb.simulate(scene, rb.sample_times(3.0), settings=preset).save(tmp_path / "run.csv")
-    found = judged(scene, tmp_path / "run.csv")
-    assert found.mistakes == ()
-    assert found.agrees == (preset != "naive")
+    verdict = judged(scene, tmp_path / "run.csv")
+    assert verdict.mistakes == ()
+    assert verdict.agrees == (preset != "naive")
 
 
 def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
@@ -362,11 +362,15 @@ def test_a_robot_is_judged_as_far_as_its_file_says() -> None:
     scene = random_robot_scene(np.random.default_rng(2))
     motion = rb.integrate(scene, np.linspace(0, 1, 101))
     silent = bare(motion)
-    found = judged(scene, silent)
-    assert (found.plain.momentum_error, found.plain.slip, found.plain.spin) == (None, None, None)
-    assert found.agrees
+    verdict = judged(scene, silent)
+    assert (verdict.plain.momentum_error, verdict.plain.slip, verdict.plain.spin) == (
+        None,
+        None,
+        None,
+    )
+    assert verdict.agrees
     facts = "frame motor file momentum slip spin"
-    assert any(not unnamed(facts, line) for line in lines(found))
+    assert any(not unnamed(facts, line) for line in lines(verdict))
     rates = {f"{h.name}_rate": motion.hinge_rates[:, i] for i, h in enumerate(scene.hinges)}
     angles = {f"{h.name}_angle": motion.hinge_angles[:, i] for i, h in enumerate(scene.hinges)}
     plain = judged(scene, replace(silent, others=rates | angles)).plain
@@ -396,23 +400,23 @@ TOO_SHORT = "short 10%"
 @pytest.mark.parametrize(("end", "facts"), [(0.02, TOO_SHORT), (1.0, "agrees")])
 def test_a_file_says_how_much_of_the_scene_it_covers(end: float, facts: str) -> None:
     """A file that covers under a tenth of the scene does not agree."""
-    found = judged(FIG12, exact(FIG12, end, round(end / 0.02)))
-    assert found.agrees == (end == 1.0)
+    verdict = judged(FIG12, exact(FIG12, end, round(end / 0.02)))
+    assert verdict.agrees == (end == 1.0)
     bound = f"0.01 path height momentum 0.01~rad attitude {end:g}~s 10~s"
-    assert unnamed(f"verdict {facts} {bound}", lines(found)[-1]) == []
+    assert unnamed(f"verdict {facts} {bound}", lines(verdict)[-1]) == []
 
 
 def test_a_long_file_is_judged_by_some_of_its_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line of the report gives the numbers of rows; the first and last rows are kept."""
     monkeypatch.setattr("validation.studies.judge._ROWS", 200)
     right = exact(FIG12, 1.0, 250)
-    found = judged(FIG12, replace(right, position=1.005 * right.position))
-    assert any(not unnamed("200 251 rows", line) for line in lines(found))
-    assert found.trajectory.times[[0, -1]].tolist() == [0, 1]
-    path = found.trajectory.position[:, :2] / 1.005
+    verdict = judged(FIG12, replace(right, position=1.005 * right.position))
+    assert any(not unnamed("200 251 rows", line) for line in lines(verdict))
+    assert verdict.trajectory.times[[0, -1]].tolist() == [0, 1]
+    path = verdict.trajectory.position[:, :2] / 1.005
     length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
     off = 0.005 * np.linalg.norm(path, axis=1).max() / length
-    assert found.plain.path_error == pytest.approx(off, rel=1e-6)
+    assert verdict.plain.path_error == pytest.approx(off, rel=1e-6)
 
 
 def test_files_of_several_steps_have_an_order() -> None:
@@ -432,11 +436,11 @@ def test_files_of_several_steps_have_an_order() -> None:
     ]
     for timesteps in (steps, ()):
         judgement = judge(FIG12, files if timesteps else files[:2], timesteps=timesteps)
-        found = {order.measure: order for order in judgement.orders}
-        assert list(found) == ["path error", "attitude error"]
-        assert found["path error"].order == pytest.approx(1.0, abs=1e-4)
-        assert found["attitude error"].order == pytest.approx(2.0, abs=1e-4)
-        assert (found["path error"].stderr is None) == (timesteps == ())
+        orders = {order.measure: order for order in judgement.orders}
+        assert list(orders) == ["path error", "attitude error"]
+        assert orders["path error"].order == pytest.approx(1.0, abs=1e-4)
+        assert orders["attitude error"].order == pytest.approx(2.0, abs=1e-4)
+        assert (orders["path error"].stderr is None) == (timesteps == ())
     assert judge(FIG12, [replace(file, header=None) for file in files]).orders == ()
     exact_in_attitude = [replace(file, attitude=right.attitude) for file in files[:2]]
     assert [order.order is None for order in judge(FIG12, exact_in_attitude).orders] == [
@@ -462,9 +466,9 @@ def test_a_file_of_another_scene_is_reported(tmp_path: Path) -> None:
 def test_a_file_that_starts_late_is_judged_from_there() -> None:
     """Its times count from the start of the scene."""
     motion = rb.integrate(FIG12, np.linspace(0, END, 101))
-    found = judged(FIG12, bare(motion, 1.0, slice(25, None)))
-    assert found.mistakes == ()
-    assert found.plain.path_error < 1e-12  # measured 4e-15
+    verdict = judged(FIG12, bare(motion, 1.0, slice(25, None)))
+    assert verdict.mistakes == ()
+    assert verdict.plain.path_error < 1e-12  # measured 4e-15
 
 
 @pytest.mark.parametrize(("start", "rise", "agrees"), [
@@ -476,12 +480,12 @@ def test_a_height_is_judged(start: float, rise: float, agrees: bool) -> None:
     motion = rb.integrate(FIG12, rb.sample_times(END))
     height = start + rise * motion.times / END
     file = replace(bare(motion), position=np.column_stack([motion.contact_point, height]))
-    found = judged(FIG12, file)
+    verdict = judged(FIG12, file)
     # A soft contact may be 0.005 radii deep.
     error = abs(start + rise - round(start))
-    assert found.plain.height_error == pytest.approx(error, abs=1e-15)
-    assert (found.agrees, found.mistakes) == (agrees, ())
-    assert any(not unnamed("z off radius", line) for line in lines(found)) == (error > 0)
+    assert verdict.plain.height_error == pytest.approx(error, abs=1e-15)
+    assert (verdict.agrees, verdict.mistakes) == (agrees, ())
+    assert any(not unnamed("z off radius", line) for line in lines(verdict)) == (error > 0)
 
 
 def test_a_mistake_that_leaves_more_than_a_tenth_is_not_called_wrong(
@@ -491,14 +495,14 @@ def test_a_mistake_that_leaves_more_than_a_tenth_is_not_called_wrong(
     scene = rb.load_scene("inclined_plane")
     x, y, z = scene.gravity_direction
     file = exact(replace(scene, gravity_direction=(-x, -y, z)), 6.0, 150)
-    found = judged(scene, file)
-    assert untold(["plane slopes"], [mistake.name for mistake in found.mistakes]) == []
-    assert any(line.startswith("WRONG") for line in lines(found))
+    verdict = judged(scene, file)
+    assert untold(["plane slopes"], [mistake.name for mistake in verdict.mistakes]) == []
+    assert any(line.startswith("WRONG") for line in lines(verdict))
     monkeypatch.setattr(judge_search, "mistaken_scenes", lambda *_: ())
-    found = judged(scene, file)
-    assert found.mistakes[0].left > 0.1  # measured 0.149 in the attitude
-    assert not any(line.startswith("WRONG") for line in lines(found))
-    assert "convention" in lines(found)[-1]
+    verdict = judged(scene, file)
+    assert verdict.mistakes[0].left > 0.1  # measured 0.149 in the attitude
+    assert not any(line.startswith("WRONG") for line in lines(verdict))
+    assert "convention" in lines(verdict)[-1]
 
 
 LOPSIDED = """

@@ -1,4 +1,4 @@
-"""Maps over two axes: the order of their cells, and where they are drawn."""
+"""Maps over two axes: the order and the position of their cells."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from matplotlib.patches import Rectangle
 from validation.studies.maps import draw_cells, draw_level, grid_cells
 
 
-def test_cells_stand_row_by_row_and_hold_what_is_held() -> None:
+def test_cells_are_listed_row_by_row() -> None:
     """The first axis varies fastest, and all cells have the held values."""
     cells = grid_cells(("K", [1.0, 2.0, 3.0]), ("f", [10.0, 20.0]), scene="fig12")
     assert [cell["K"] for cell in cells] == [1.0, 2.0, 3.0, 1.0, 2.0, 3.0]

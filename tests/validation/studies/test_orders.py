@@ -12,28 +12,28 @@ STEPS = 0.1 * 0.5 ** np.arange(8)
 def test_a_power_law_has_its_order(order: float) -> None:
     """The runs may be in any order. Broken and exact runs are ignored."""
     errors = [*3.0 * STEPS**order]
-    found = fit_order(STEPS[::-1].tolist(), errors[::-1])
-    assert found is not None
-    assert found.order == pytest.approx(order, rel=1e-12)
-    assert found.points == 8
-    assert found.stderr < 1e-10
-    assert (found.shortest, found.longest) == pytest.approx((STEPS[-1], STEPS[0]))
-    assert found.error_at(np.array([0.02, 0.5])) == pytest.approx(
+    fitted = fit_order(STEPS[::-1].tolist(), errors[::-1])
+    assert fitted is not None
+    assert fitted.order == pytest.approx(order, rel=1e-12)
+    assert fitted.points == 8
+    assert fitted.stderr < 1e-10
+    assert (fitted.shortest, fitted.longest) == pytest.approx((STEPS[-1], STEPS[0]))
+    assert fitted.error_at(np.array([0.02, 0.5])) == pytest.approx(
         3.0 * np.array([0.02, 0.5]) ** order
     )
     gaps = fit_order([*STEPS, 1.0, 2.0, 3.0], [*errors, None, np.inf, 0.0])
-    assert gaps == found
+    assert gaps == fitted
 
 
 def test_both_ends_are_left_out() -> None:
     """Long steps, with a higher-order term, and short steps, with a stall, are ignored."""
     errors = 3.0 * STEPS**2 + 1e4 * STEPS**5 + 2e-5
     assert stalled_at(STEPS.tolist(), errors.tolist()) == errors.min()
-    found = fit_order(STEPS.tolist(), errors.tolist())
-    assert found is not None
-    assert found.order == pytest.approx(2, abs=0.1)
-    assert found.longest < 0.9 * STEPS[0]
-    assert found.shortest > 1.1 * STEPS[-1]
+    fitted = fit_order(STEPS.tolist(), errors.tolist())
+    assert fitted is not None
+    assert fitted.order == pytest.approx(2, abs=0.1)
+    assert fitted.longest < 0.9 * STEPS[0]
+    assert fitted.shortest > 1.1 * STEPS[-1]
     # The slope over all points differs.
     assert abs(np.polyfit(np.log(STEPS), np.log(errors), 1)[0] - 2) > 0.2
 
@@ -41,10 +41,10 @@ def test_both_ends_are_left_out() -> None:
 def test_errors_below_the_floor_are_ignored() -> None:
     """The fit uses only errors above the floor."""
     errors = (3.0 * STEPS**2).tolist()
-    found = fit_order(STEPS.tolist(), errors, floor=errors[4])
-    assert found is not None
-    assert found.points == 4
-    assert found.shortest == pytest.approx(STEPS[3])
+    fitted = fit_order(STEPS.tolist(), errors, floor=errors[4])
+    assert fitted is not None
+    assert fitted.points == 4
+    assert fitted.shortest == pytest.approx(STEPS[3])
     assert fit_order(STEPS.tolist(), errors, floor=errors[2]) is None
 
 

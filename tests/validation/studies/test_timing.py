@@ -7,9 +7,9 @@ from validation.studies.timing import Cost, measure_costs
 
 
 def test_a_cost_is_a_ratio_to_the_bare_loops_around_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine that slows down by a third in every turn does not change the ratios.
+    """A machine that slows down by a third in every round does not change the ratios.
 
-    The loops take 1 s, 4/3 s, and so on; a work takes the mean of the loops around it.
+    The loops take 1 s, 4/3 s, (4/3)² s, ...; a run takes the mean of the loops around it.
     """
     speed = iter([(4 / 3) ** k for k in range(20)])
     latest = [0.0]

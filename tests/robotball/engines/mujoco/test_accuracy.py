@@ -1,4 +1,4 @@
-"""A requested path error is reached, or said not to be, and its estimate is honest."""
+"""A requested path error is reached or a warning is given, and its estimate is realistic."""
 
 import warnings
 from collections.abc import Callable
@@ -27,7 +27,7 @@ FIG12 = rb.load_scene("fig12")
 def reached_by(scene: rb.Scene, target: float, times: Array | None = None) -> Pair:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", "W4: frame's motor turns")  # as it is meant to
+        warnings.filterwarnings("ignore", "W4: frame's motor turns")  # intended
         return pair_of(scene, times=times, accuracy=target)
 
 
@@ -37,19 +37,24 @@ def reached_by(scene: rb.Scene, target: float, times: Array | None = None) -> Pa
         (FIG12, 1e-4, "RK4", 1.4),  # measured 1.33
         (FIG12, 1e-8, "RK4", 1.4),  # 1.37
         (rb.load_scene("spin_up_from_rest"), 1e-8, "RK4", 1.4),  # 1.14
-        (rb.load_scene("wobbling_drive"), 1e-10, "DOP853", 22.0),  # 7.3: near rounding, as below
+        (
+            rb.load_scene("wobbling_drive"),
+            1e-10,
+            "DOP853",
+            22.0,
+        ),  # 7.3: near rounding, as in the next case
         (ball_of_points(6), 1e-10, "DOP853", 11.0),  # 3.6
-        # M changes by itself, so two runs tell the error.
+        # M is not conserved, so the error is estimated from two runs.
         (worked("W2"), 1e-9, "RK4", 2.5),  # 2.36
         (worked("W4"), 1e-6, "RK4", 1.5),  # 1.39
         (worked("W5"), 1e-10, "DOP853", 1.5),  # 1.38
     ],
     ids=lambda value: getattr(value, "name", None),
 )
-def test_the_accuracy_asked_for_is_reached(
+def test_the_requested_accuracy_is_reached(
     scene: rb.Scene, target: float, integrator: str, most: float
 ) -> None:
-    """By either family, and the estimate is so many times the true error."""
+    """With either integrator; `most` bounds the ratio of the estimate to the true error."""
     pair = reached_by(scene, target, rb.sample_times(4.0))
     estimate, error = pair.report.estimated_error, pair.path_error
     assert pair.agrees
@@ -68,25 +73,25 @@ def test_the_accuracy_asked_for_is_reached(
         (2e-4, 1e-6, 1e-11),  # 2.8e-12
     ],
 )
-def test_the_accuracy_is_reached_of_a_drive_that_coarse_steps_see_as_a_constant(
+def test_the_accuracy_is_reached_with_a_drive_that_coarse_steps_alias_to_a_constant(
     amplitude: float, target: float, most: float
 ) -> None:
-    """Of 200 Hz, whose period divides all steps of the search: two runs of them agree.
+    """The period of 200 Hz divides every step of the search, so its coarse runs agree.
 
-    In steps of 20 ms the path is off by 1.9e-2 and 7.4e-5.
+    With steps of 20 ms the path error is 1.9e-2 and 7.4e-5.
     """
     sine = rb.Sine(mean=2.0, amplitude=amplitude, frequency=200.0, phase=np.pi / 2)
-    agreement = reached_by(FIG12.with_hinges(command={"frame": sine}), target, rb.sample_times(0.2))
-    assert agreement.agrees
-    assert agreement.path_error < most
+    pair = reached_by(FIG12.with_hinges(command={"frame": sine}), target, rb.sample_times(0.2))
+    assert pair.agrees
+    assert pair.path_error < most
 
 
-def test_any_sample_times_will_do() -> None:
-    """Samples nearer than the steps, much farther apart, and uneven."""
+def test_the_accuracy_is_reached_for_any_sample_times() -> None:
+    """Samples closer together than the steps, much farther apart, and uneven."""
     for times in (np.linspace(0.0, 0.5, 501), [0.0, 2.0], [0.0, 0.0131, 0.5, 0.7, 1.0]):
         pair = reached_by(FIG12, 1e-8, np.asarray(times))
         assert np.array_equal(pair.motion.times, times)
-        # With few samples the path's length is that of their polygon, for both errors.
+        # Both errors are relative to the length of the polygon of samples.
         assert pair.path_error < 1e-8
 
 
@@ -96,10 +101,10 @@ theory_of_fig12 = cache(lambda: rb.integrate(FIG12))
 def fake_runs(
     monkeypatch: pytest.MonkeyPatch, error: Callable[[float], float], lost: float = 0.0
 ) -> list[float]:
-    """Replace runs by motions whose path error is a function of the timestep or rtol.
+    """Replace runs with motions whose path error is a function of the timestep or rtol.
 
-    The path error grows in time, to that part of the path's length at the end; M changes by `lost`
-    of it. Returns the timesteps and rtols of the runs so far.
+    The error grows linearly in time to error(size) times the path length; M changes by `lost`
+    times the error. Returns the list to which each run appends its timestep or rtol.
     """
     theory = theory_of_fig12()
     sound = rb.simulate(FIG12, np.array([0.0, 0.02]), settings="fast").report
@@ -121,12 +126,12 @@ def fake_runs(
     return sizes
 
 
-def test_the_estimate_and_the_next_step_are_those_of_two_steps(
+def test_the_estimate_and_the_next_step_follow_from_two_steps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """An error of 1e-6 (h / 20 ms)⁴ is seen as 15/12.9 of itself, the order taken as 3.8.
+    """With an assumed order of 3.8, an error of 1e-6 (h / 20 ms)⁴ is overestimated by 15/12.9.
 
-    For 1e-8 that asks for 20 ms (0.9e-8 / 1.16e-6)^(1/3.8) = 5.57 ms.
+    For a target of 1e-8 the next step is 20 ms (0.9e-8 / 1.16e-6)^(1/3.8) = 5.57 ms.
     """
     sizes = fake_runs(monkeypatch, lambda h: 1e-6 * (h / 0.02) ** 4)
     motion = reach(FIG12, FIG12.times, 2e-6)
@@ -138,15 +143,17 @@ def test_the_estimate_and_the_next_step_are_those_of_two_steps(
     assert as_own(motion.report.settings, rb.Settings, LABEL).timestep == sizes[-1]
 
 
-FIRST = 2.295e-13  # the rtol that the cost model asks of fig12 for 1e-10
+FIRST = 2.295e-13  # rtol of the cost model for fig12 and an error of 1e-10
 
 
-@pytest.mark.parametrize(("lost", "seen"), [(0.0, 1.0), (0.01, 1.163)])
-def test_an_rtol_is_corrected(monkeypatch: pytest.MonkeyPatch, lost: float, seen: float) -> None:
-    """Where its first run has 3 times the error asked for, the second has 0.9 times it.
+@pytest.mark.parametrize(("lost", "overestimate"), [(0.0, 1.0), (0.01, 1.163)])
+def test_a_second_rtol_corrects_the_first(
+    monkeypatch: pytest.MonkeyPatch, lost: float, overestimate: float
+) -> None:
+    """If the first run has 3 times the requested error, the second has 0.9 times.
 
-    DOP853's error goes as rtol^0.85, so a run at 300 rtol tells it exactly. Where M changes with
-    the path, its change tells it in a single run, in the ratio that RK4's estimate showed.
+    The error of DOP853 scales as rtol^0.85, so a run at 300 rtol gives it exactly. If M is lost
+    along with the path, one run is enough, with the ratio found for RK4.
     """
     sizes = fake_runs(
         monkeypatch,
@@ -155,7 +162,7 @@ def test_an_rtol_is_corrected(monkeypatch: pytest.MonkeyPatch, lost: float, seen
     )
     motion = reach(FIG12, FIG12.times, 1e-10)
     looser = [] if lost else [300 * FIRST]
-    second = FIRST * (0.3 / seen) ** (1 / 0.85)
+    second = FIRST * (0.3 / overestimate) ** (1 / 0.85)
     assert sizes[2:] == pytest.approx([*looser, FIRST, second], rel=5e-3)
     assert motion.report.estimated_error == pytest.approx(0.9e-10, rel=5e-3)
 
@@ -167,9 +174,9 @@ def test_an_rtol_is_corrected(monkeypatch: pytest.MonkeyPatch, lost: float, seen
 def test_an_error_that_does_not_fall_is_reported(
     monkeypatch: pytest.MonkeyPatch, target: float, floor: float, signs: list[int], estimate: float
 ) -> None:
-    """A floor of errors that differ from run to run: two corrections, then a warning.
+    """After two corrections without gain a warning is given.
 
-    Where two runs differ by over a hundredth of the path, the difference is the estimate.
+    If two runs differ by over a hundredth of the path, their difference is the estimate.
     """
     sign = cycle(signs)
     sizes = fake_runs(monkeypatch, lambda h: floor * next(sign))
@@ -179,8 +186,8 @@ def test_an_error_that_does_not_fall_is_reported(
     assert motion.report.estimated_error == pytest.approx(estimate, rel=0.05)
 
 
-def test_the_least_accuracy_is_reached_also_where_rounding_is_magnified() -> None:
-    """fig10 rolls near an unstable motion: its path is never within 5e-12 of the equations'."""
+def test_the_least_accuracy_is_reached_near_an_unstable_motion() -> None:
+    """fig10 amplifies rounding: its path error never falls below 5e-12."""
     with pytest.warns(rb.SceneWarning, match="outside the shell"):
         scene = rb.load_scene("fig10")
     pair = reached_by(scene, LEAST_ACCURACY)
@@ -188,20 +195,19 @@ def test_the_least_accuracy_is_reached_also_where_rounding_is_magnified() -> Non
     assert pair.path_error < LEAST_ACCURACY  # measured 7.2e-12, estimated 5.0e-12
 
 
-def test_a_chaotic_motion_is_followed_as_far_as_its_estimate_says() -> None:
-    """fig14 over 60 s, seven Lyapunov times: 8.8e-7 of the path, and estimated so."""
+def test_the_error_of_a_chaotic_motion_is_estimated_correctly() -> None:
+    """fig14 over 60 s, seven Lyapunov times: a path error of 8.8e-7."""
     pair = reached_by(rb.load_scene("fig14"), 1e-6, rb.sample_times(60.0, 0.1))
     estimate = pair.report.estimated_error
     assert estimate is not None
     assert estimate / pair.path_error == pytest.approx(1.0, abs=0.1)  # measured 1.0008
 
 
-def test_the_rate_of_a_scene_is_of_its_numbers() -> None:
-    """Twice K, Ω and M is twice the rate; a changing drive counts at its largest."""
+def test_the_rate_of_a_scene_scales_with_its_drives_and_momentum() -> None:
+    """Twice K, Ω and M give twice the rate; a varying drive counts with its maximum."""
     start, rates = FIG12.start, [2 * hinge.rate for hinge in FIG12.hinges]
     start = replace(start, momentum=2 * start.momentum)
     twice = replace(FIG12.with_hinges(command=rates), start=start)
     assert scene_rate(twice) == pytest.approx(2 * scene_rate(FIG12), rel=1e-12)
-    assert (
-        scene_rate(rb.load_scene("spin_up_from_rest")) > 4.5
-    )  # it ends at |Ω| = 4.58 rad/s, from rest
+    # From rest to |Ω| = 4.58 rad/s.
+    assert scene_rate(rb.load_scene("spin_up_from_rest")) > 4.5

@@ -1,4 +1,4 @@
-"""An agent drives the ball as a run does, and what it sees and does keeps the specifications."""
+"""The dm_env environment: its motion, specifications, rewards and errors."""
 
 import subprocess
 import sys
@@ -21,18 +21,23 @@ needed = pytest.mark.skipif(find_spec("dm_control") is None, reason="dm-control 
 
 
 def driven(scene: rb.Scene, settings: str, interval: float) -> tuple[Array, Array, list[float]]:
-    """The contact points (n, 2), attitudes (n, 4) and rewards of the scene's own commands."""
+    """Return contact points (n, 2), attitudes (n, 4) and rewards with the drives of the scene."""
     environment = rb.dm_environment(scene, settings=settings, control_timestep=interval)
-    seen, task = [environment.reset()], environment.task
-    while not seen[-1].last():
-        end = len(seen) * interval
-        # A rate is that at the step's end; a motor's command is held, at best at its middle.
+    steps, task = [environment.reset()], environment.task
+    while not steps[-1].last():
+        end = len(steps) * interval
+        # A prescribed rate is reached at the end of the step; a motor command is held over it,
+        # and is most accurate at its middle.
         at = np.where(task.prescribed, end, end - interval / 2)
-        commands = [float(each.rate(t)) for each, t in zip(task.commands, at, strict=True)]
-        seen.append(environment.step(np.array(commands)))
-    read = [each.observation for each in seen]
-    points = np.array([each["centre"][:2] for each in read])
-    return points, np.array([each["attitude"] for each in read]), [s.reward for s in seen[1:]]
+        commands = [float(drive.rate(t)) for drive, t in zip(task.commands, at, strict=True)]
+        steps.append(environment.step(np.array(commands)))
+    observations = [step.observation for step in steps]
+    points = np.array([step["centre"][:2] for step in observations])
+    return (
+        points,
+        np.array([step["attitude"] for step in observations]),
+        [s.reward for s in steps[1:]],
+    )
 
 
 @needed
@@ -40,20 +45,20 @@ def driven(scene: rb.Scene, settings: str, interval: float) -> tuple[Array, Arra
     ("name", "settings"),
     [("fig12", "balanced"), ("fig12", "naive"), ("servo_motors", "balanced")],
 )
-def test_constant_commands_move_the_ball_as_a_run_to_the_last_bit(name: str, settings: str) -> None:
-    """With prescribed rates and with motors; with MuJoCo's warm start too, as "naive" has it."""
+def test_constant_commands_give_exactly_the_motion_of_a_run(name: str, settings: str) -> None:
+    """With prescribed rates, motors, and the warm start of MuJoCo that "naive" uses."""
     scene = replace(rb.load_scene(name), duration=1.0)
     motion = rb.simulate(scene, settings=replace(rb.preset(settings), stop_at_fault=False))
     points, attitudes, rewards = driven(scene, settings, 0.02)
     assert points.tolist() == motion.contact_point.tolist()
     assert attitudes.tolist() == motion.attitude.tolist()
-    # Measured 1 - 1e-17 on the path by the equations, and 0 where "naive" is a radius off.
+    # Measured 1 - 1e-17 on the path of the equations, and 0 with "naive", which is a radius off.
     assert (min(rewards) > 1 - 1e-9) == (settings == "balanced")
 
 
 @needed
-def test_held_commands_err_by_the_square_of_the_control_timestep() -> None:
-    """Measured 6.5e-5 of the path at 20 ms, and 4.00 times as much as at 10 ms."""
+def test_the_error_of_held_commands_is_quadratic_in_the_control_timestep() -> None:
+    """Measured 6.5e-5 of the path at 20 ms, 4.00 times the error at 10 ms."""
     scene = replace(WOBBLING, duration=1.0)
     off = []
     for interval in (0.02, 0.01):
@@ -66,8 +71,8 @@ def test_held_commands_err_by_the_square_of_the_control_timestep() -> None:
 
 @needed
 @pytest.mark.parametrize("scene", [FIG12, rb.load_scene("steered_pendulum_robot")], ids=str)
-def test_random_actions_keep_the_specifications(scene: rb.Scene) -> None:
-    """For an episode, which ends with its path and begins anew at the scene's start."""
+def test_observations_under_random_actions_match_the_specifications(scene: rb.Scene) -> None:
+    """Until the path ends; the next step starts a new episode from the start of the scene."""
     environment = rb.dm_environment(scene, STRAIGHT)
     actions, observed = environment.action_spec(), environment.observation_spec()
     rng, first = np.random.default_rng(1), environment.reset()
@@ -84,21 +89,21 @@ def test_random_actions_keep_the_specifications(scene: rb.Scene) -> None:
 
 
 @needed
-def test_the_reward_says_how_far_the_ball_is_from_the_path() -> None:
-    """1 on it and 0.1 at a radius; the target is the way to the next point."""
+def test_the_reward_falls_with_the_distance_from_the_path() -> None:
+    """From 1 on the path to 0.1 at one radius; the target is the vector to the next point."""
     along = rb.integrate(FIG12, rb.sample_times(0.04)).contact_point
     for away, reward in ((np.zeros(2), 1.0), (np.array([FIG12.ball.radius, 0.0]), 0.1)):
         environment = rb.dm_environment(FIG12, along + away)
         first = environment.reset().observation
         assert first["target"] == pytest.approx(along[1] + away - along[0])
         step = environment.step([2.0, 148.0])
-        # Measured 2e-7 off: the rotor turns at 147.98 rad/s in the scene.
+        # Measured 2e-7: the rotor rate of the scene is 147.98 rad/s.
         assert step.reward == pytest.approx(reward, abs=1e-4)
 
 
 @needed
-def test_actions_that_no_model_bears_end_in_an_error_of_dm_control() -> None:
-    """MuJoCo alone would take 0 for each of these controls."""
+def test_actions_that_break_the_simulation_raise_a_physics_error() -> None:
+    """MuJoCo alone would replace each of these controls with 0."""
     from dm_control.rl.control import PhysicsError
 
     environment = rb.dm_environment("fig12", STRAIGHT)
@@ -110,7 +115,7 @@ def test_actions_that_no_model_bears_end_in_an_error_of_dm_control() -> None:
 
 @needed
 @pytest.mark.parametrize(
-    ("given", "facts"),
+    ("changes", "facts"),
     [
         ({"scene": "fig2"}, "scene 'fig2'"),
         ({"path": STRAIGHT[:, 0]}, "path (n,~2)"),
@@ -122,14 +127,14 @@ def test_actions_that_no_model_bears_end_in_an_error_of_dm_control() -> None:
         ({"largest_action": [1.0, 2.0, 3.0]}, "largest_action 2"),
     ],
 )
-def test_what_is_no_environment_is_refused(given: dict[str, Any], facts: str) -> None:
-    """In a line, with what it takes."""
+def test_invalid_environments_are_refused(changes: dict[str, Any], facts: str) -> None:
+    """The error names the argument and the allowed values."""
     with pytest.raises(rb.InputError, match=naming(facts)):
-        rb.dm_environment(**{"scene": "fig12", **given})
+        rb.dm_environment(**{"scene": "fig12", **changes})
 
 
-def test_without_dm_control_a_line_says_what_to_install() -> None:
-    """And everything else runs."""
+def test_a_missing_dm_control_is_reported_with_the_package_to_install() -> None:
+    """Everything else runs without it."""
     code = """
 import sys
 sys.modules["dm_control"] = None

@@ -1,4 +1,4 @@
-"""Predictions of a run come true: a limit is where it fails, a size is what is measured."""
+"""Predicted limits separate sound from failing runs; predicted errors match measured ones."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -34,8 +34,7 @@ FAST = replace(rb.preset("fast"), stop_at_fault=False)
 BY_ERROR: dict[str, Any] = {"timestep": None, "integrator": "DOP853"}
 LAWS = (*limits.LAWS, *robot_limits.LAWS, *contact_limits.LAWS)
 Predict = Callable[[PlannedRun], LimitCheck | None]
-# Of a run; `crept` is the mean slip over the mean speed, `sped` the slip after the first step over
-# the speed of M.
+# `crept`: mean slip over mean speed; `sped`: slip after the first step over the speed of M.
 MEASURES: dict[str, Callable[[Pair], float]] = {
     "path": lambda run: run.path_error,
     "momentum": lambda run: run.momentum_error,
@@ -61,15 +60,12 @@ def limit_of(predict: Predict, *run: Any) -> LimitCheck:
     return limit
 
 
-def measured(what: str, scene: rb.Scene, settings: rb.Settings, duration: float) -> float:
-    return MEASURES[what](pair_of(scene, settings, np.linspace(0.0, duration, 51)))
+def measured(measure: str, scene: rb.Scene, settings: rb.Settings, duration: float) -> float:
+    return MEASURES[measure](pair_of(scene, settings, np.linspace(0.0, duration, 51)))
 
 
 def geared(gain: float) -> rb.Scene:
-    """A pendulum by an actuator with a gear of 2, in a frame on a servo.
-
-    Its gain counts four times.
-    """
+    """A pendulum on an actuator with a gear of 2, whose gain counts four times."""
     law, command = Law(gain / 4, 0.0, gain / 4), swing(1.0, 2.0)
     return replace(
         robot(
@@ -89,12 +85,12 @@ def heavy(scene: rb.Scene, *masses: float) -> list[rb.Scene]:
 
 
 def swung(frequency: float, amplitude: float = 1.0) -> rb.Scene:
-    """Fig. 12's with a frame whose rate swings from a crest on."""
+    """The ball of Fig. 12 with a sinusoidal frame rate that starts at a crest."""
     sine = rb.Sine(mean=2.0, amplitude=amplitude, frequency=frequency, phase=np.pi / 2)
     return FIG12.with_hinges(command={"frame": sine})
 
 
-# Rotors at 30 times their rates turn the ball by 2.2 rad in a step inside, 3.0 beyond.
+# With its rotor at 30 times its rate the ball rotates by 2.2 rad per step inside, 3.0 beyond.
 ROTORS = FIG12.with_hinges(command={"rotor1": 30 * 148.0})
 TURN = PlannedRun(ROTORS, FAST, 1.0).rotation_rate
 STICKY = {"sliding_friction": 1e3, "torsional_friction": 1e3}
@@ -104,14 +100,14 @@ FALLING: dict[str, Any] = {"timestep": 5e-3, "start_in_equilibrium": False}
 UNTIMELY: dict[str, Any] = {"iterations": 50, "start_in_equilibrium": False}
 SLOW, DAMPED = {"timestep": 2e-3}, {"timestep": 5e-3}
 
-# (prediction, scene, settings, duration, measure, most inside, least beyond): a list has the value
-# inside the limit and that beyond it. Behind a row is what was measured.
+# (prediction, scene, settings, duration, measure, upper bound inside, lower bound beyond); a list
+# gives the values inside and beyond the limit. The comment after a row has the measured errors.
 EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] = {
     "sliding, rubber": (limits.sliding_friction, FIG12,
         {**SLOW, "sliding_friction": [0.468, 0.441]}, 0.01, "cone", 0.995, 0.999999),  # 0.976, 1
     "spinning": (limits.torsional_friction, FIG12, {**SLOW, "torsional_friction": [1.819, 1.713]},
         0.01, "cone", 0.995, 0.999999),  # 0.987, 1
-    # Of 50 Hz, the step sees its crests alone.
+    # At 50 Hz each step samples a crest.
     "a drive within a step": (robot_limits.drive_seen, [swung(7.0), swung(50.0)], {}, 1.0,
         "path", 2e-4, 0.01),  # 6.0e-5, 0.33
     "no torsional row": (contact_limits.contact_dimension, FIG12, {"condim": [4, 3]},
@@ -151,7 +147,7 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] 
     "PGS with condim 6, impedance above .9999": (
         limits.friction_block, heavy(FIG12, 4.22e8, 4.67e8), HARDER,
         1.0, "slip", 1.2e-3, 9.0),  # 4e-4 and 9.3 m/s
-    # Beside armatures of 1e14 a tolerance of MuJoCo's own size leaves the ball without contact.
+    # With armatures of 1e14, MuJoCo's default tolerance leaves the ball without contact.
     "tolerance, Newton": (limits.solver_tolerance, FIG12,
         {**UNTIMELY, "solver": "Newton", "tolerance": [1e-10, 1e-8]}, 1.0, "lost", 0.5, 0.5),
     "tolerance, CG": (limits.solver_tolerance, FIG12,
@@ -161,20 +157,25 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] 
 
 @pytest.mark.parametrize("name", EDGES)
 def test_a_run_is_sound_inside_its_limit_and_fails_beyond(name: str) -> None:
-    predict, scenes, changes, duration, what, most, least = EDGES[name]
+    predict, scenes, changes, duration, measure, most, least = EDGES[name]
     for beyond in (False, True):
         scene, *chosen = (
-            each[beyond] if isinstance(each, list) else each for each in (scenes, *changes.values())
+            value[beyond] if isinstance(value, list) else value
+            for value in (scenes, *changes.values())
         )
         settings = replace(FAST, **dict(zip(changes, chosen, strict=True)))
         assert limit_of(predict, scene, settings, duration).exceeded == beyond
-        error = measured(what, scene, settings, duration)
+        error = measured(measure, scene, settings, duration)
         assert error >= least if beyond else error < most
 
 
 SOFT: dict[str, Any] = {
-    **SLOW, "noslip_iterations": 0, "solver": "Newton", "iterations": 50, "solreffriction": None,
-}  # fmt: skip
+    **SLOW,
+    "noslip_iterations": 0,
+    "solver": "Newton",
+    "iterations": 50,
+    "solreffriction": None,
+}
 FINE = {"timestep": 1e-3}
 
 
@@ -182,7 +183,7 @@ def impedance(d: float) -> tuple[float, float, float, float, float]:
     return (d, d, 0.001, 0.5, 1.0)
 
 
-# (prediction, scene, settings, duration, measure, what was measured over what is predicted)
+# (prediction, scene, settings, duration, measure, measured error over predicted error)
 SIZES: dict[str, tuple[Predict, rb.Scene, dict[str, Any], float, str, float]] = {
     "M by Euler": (limits.momentum_lost, FIG12, {**FINE, "integrator": "Euler"},
         2.0, "momentum", 0.0855),
@@ -204,7 +205,7 @@ SIZES: dict[str, tuple[Predict, rb.Scene, dict[str, Any], float, str, float]] = 
     # |a (ω×Ω)×γ|/(b v)
     "frame as root": (contact_limits.frame_as_root, FIG12,
         {**DAMPED, "root": "frame", "solreffriction": (-1.0, -2.0)}, 2.0, "crept", 0.622),
-    # (1 - d)/d of the load over impratio, times μ² in a pyramidal cone
+    # (1 - d)/d of the load over impratio; times μ² for a pyramidal cone
     "creep, elliptic": (contact_limits.creep, FIG12,
         {**SOFT, "cone": "elliptic", "impratio": 3.0, "solimp": impedance(0.6)},
         1.0, "crept", 0.981),
@@ -213,22 +214,22 @@ SIZES: dict[str, tuple[Predict, rb.Scene, dict[str, Any], float, str, float]] = 
     # τ/kv of the rate
     "droop": (robot_limits.servo_droop, FIG12,
         {**FINE, "integrator": "implicitfast", "drive": Servo(100.0)}, 0.1, "rate", 0.988),
-    # half of what the contact point's free acceleration makes of a step
+    # half of the free acceleration of the contact point times the timestep
     "first step": (contact_limits.first_step, FIG12, FALLING, 0.25, "sped", 0.546),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SIZES)
-def test_what_goes_wrong_is_as_large_as_predicted(name: str) -> None:
-    """In the measured ratio, within a third."""
-    predict, scene, changes, duration, what, ratio = SIZES[name]
+def test_errors_are_as_large_as_predicted(name: str) -> None:
+    """Up to the ratio in the table, within a third."""
+    predict, scene, changes, duration, measure, ratio = SIZES[name]
     settings = replace(FAST, **changes)
     predicted = limit_of(predict, scene, settings, duration).value
-    assert 0.75 < measured(what, scene, settings, duration) / predicted / ratio < 1.33
+    assert 0.75 < measured(measure, scene, settings, duration) / predicted / ratio < 1.33
 
 
-def test_a_slip_that_hardly_dies_out_grows_with_time() -> None:
-    """Its mean over a time T is α T/2, from the formula and from the series near b = 0 alike."""
+def test_a_barely_damped_slip_grows_linearly_in_time() -> None:
+    """Its mean over a time T is α T/2, in the formula and in its series near b = 0."""
     values = []
     for damping in (1e-3, 1e-5, 0.0):
         settings = replace(FAST, root="frame", solreffriction=(-1.0, -damping))
@@ -237,10 +238,12 @@ def test_a_slip_that_hardly_dies_out_grows_with_time() -> None:
 
 
 @pytest.mark.parametrize(("name", "duration"), [("fig12", 1.0), ("spin_up_from_rest", 5.0)])
-def test_a_hinge_gives_way_by_its_load_over_its_armature(name: str, duration: float) -> None:
-    """By ∫τ dt/armature, where the loads of the whole motion are known; warned of by the start's.
+def test_the_rate_error_of_a_hinge_is_its_load_over_its_armature(
+    name: str, duration: float
+) -> None:
+    """∫τ dt/armature if the loads of the motion are available, else an estimate from the start.
 
-    Measured 1.003 and 1.016 of it.
+    Measured 1.003 and 1.016 of the prediction.
     """
     scene = rb.load_scene(name)
     for armature, beyond in ((1e14, False), (1e4, True)):
@@ -255,35 +258,37 @@ def test_a_hinge_gives_way_by_its_load_over_its_armature(name: str, duration: fl
 
 
 @pytest.mark.parametrize("shape", ["linear", "quintic"])
-def test_a_hinge_gives_way_by_the_load_after_its_ramp(shape: Any) -> None:
-    """A ball of 100 m whose frame ramps; the start's loads are 3 times too small, or zero."""
+def test_a_predicted_rate_error_includes_loads_after_a_ramp(shape: Any) -> None:
+    """On a ball of 100 m, the loads at the start are 3 times too small, or zero."""
     ramp = rb.Ramp(initial=-0.02, final=-0.2, end=2.0, shape=shape)
     upright = rb.Start(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3))
     scene = replace(worked("W2").with_hinges(command=(ramp,)), start=upright)
     scene = scaled(scene, length=500.0, mass=1e9, gravity=1.0)
     settings = replace(rb.preset("balanced"), stop_at_fault=False)
     predicted = limit_of(limits.prescribed_rate, scene, settings, 9.0)
-    # Measured 3.70e-5 and 3.69e-5 of the rate, 1.000 and 1.003 of what is predicted.
+    # Measured 3.70e-5 and 3.69e-5 of the rate, 1.000 and 1.003 of the prediction.
     lost = rb.simulate(scene, rb.sample_times(9.0), settings=settings).report.hinge_rate_error.max()
     assert predicted.exceeded
     assert lost == pytest.approx(predicted.value, rel=0.01)
 
 
-def test_what_has_no_limit_bears_far_more() -> None:
-    """implicit takes the gain into its step; Newton's solver takes no block for singular."""
+def test_settings_without_a_limit_stay_sound_far_beyond_it() -> None:
+    """`implicit` treats the servo gain implicitly; the Newton solver skips no friction block."""
     settings = replace(FAST, timestep=2e-3, integrator="implicit", drive=Servo(20 * 30.0))
     assert robot_limits.servo_gain(PlannedRun(FIG12, settings, 1.0)) is None
-    assert measured("path", FIG12, settings, 1.0) < 0.2  # measured 0.072: the first order's error
+    assert (
+        measured("path", FIG12, settings, 1.0) < 0.2
+    )  # measured 0.072: error of the first-order steps
     settings = replace(FAST, noslip_iterations=0, solver="Newton", iterations=50)
     (heaviest,) = heavy(FIG12, 4e8)
     assert limits.friction_block(PlannedRun(heaviest, settings, 1.0)) is None
     assert measured("slip", heaviest, settings, 1.0) < 1.2e-3  # measured 4.0e-4 m/s
 
 
-def test_fast_rotors_are_no_reason_to_warn_of_a_loss() -> None:
-    """Their nutation has next to nothing of M: a loss is that of some steps, extrapolated.
+def test_a_fast_nutation_with_little_momentum_gives_no_warning() -> None:
+    """The loss of M is extrapolated from trial steps, not estimated from the fastest rotation.
 
-    By the fastest rotation alone all of M could be lost.
+    That estimate would predict a loss of all of M.
     """
     ball = ball_of_points(46)
     scene = ball.with_hinges(command=[(4 if i else 1) * h.rate for i, h in enumerate(ball.hinges)])
@@ -295,33 +300,33 @@ def test_fast_rotors_are_no_reason_to_warn_of_a_loss() -> None:
 
 
 @pytest.mark.parametrize("name", ["fig12", "classical_regular", "wobbling_drive"])
-def test_the_model_of_the_trial_keeps_m(name: str) -> None:
-    """But for the error of RK4's steps, of order four; the drives may change in time."""
+def test_the_trial_model_conserves_momentum_to_fourth_order(name: str) -> None:
+    """With RK4 steps, for constant and for varying drives."""
     scene = rb.load_scene(name)
     coarse, fine = (momentum_loss(scene, step, 0.4) for step in (8e-3, 4e-3))
     assert fine < 1e-9  # measured 3.5e-10 at most
     assert 3.8 < np.log2(coarse / fine) < 4.1  # measured 3.90 to 3.99
-    # The loss of a run of over 500 steps is extrapolated, and there is none where they diverge.
+    # Runs of over 500 steps are extrapolated; a divergence is an infinite loss.
     whole, part = (momentum_loss(scene, 8e-3, duration) for duration in (8.0, 4.0))
     assert whole == pytest.approx(2 * part, rel=1e-12)
     assert momentum_loss(scene, 5.0, 2500.0) == np.inf
 
 
 @pytest.mark.parametrize("name", ["fig12", "wobbling_drive"])
-def test_the_trial_of_a_model_has_the_loads_and_rotations_of_the_equations(name: str) -> None:
-    """A robot's come from the trial; on a ball that has both, they are the same."""
+def test_the_linearised_start_has_the_loads_and_rotation_rate_of_the_equations(name: str) -> None:
+    """Robots use the linearised model; on a balanced ball both are available."""
     scene, plan = rb.load_scene(name), PlannedRun(rb.load_scene(name), FAST, 1.0)
     loads, eigenvalues = linearised_start(scene, FAST)
-    # Measured 7e-14 N and N m of 9: rounding.
+    # Measured 7e-14 N and N m, of 9: rounding.
     for kind in ("contact_force", "spin_torque", "motor_torques"):
         assert np.abs(getattr(loads, kind) - getattr(plan.loads, kind)).max() < 2e-13
-    # Measured 1.015 and 1.003: the attitude turns as well.
+    # Measured 1.015 and 1.003: the attitude rotates as well.
     assert np.abs(eigenvalues.imag).max() == pytest.approx(plan.rotation_rate, rel=0.03)
-    assert eigenvalues.real.min() == pytest.approx(-50.0, rel=1e-5)  # the contact's, 2/solref
+    assert eigenvalues.real.min() == pytest.approx(-50.0, rel=1e-5)  # of the contact: 2/solref
 
 
-def test_a_ball_that_starts_just_touching_falls_as_deep_as_predicted() -> None:
-    """p = g (1 - d)/(d² k), measured to rounding of its last vibrations."""
+def test_a_ball_that_starts_at_zero_depth_sinks_to_the_predicted_depth() -> None:
+    """p = g (1 - d)/(d² k), once its vibrations have decayed."""
     settings = replace(
         FAST, timestep=2e-3, start_in_equilibrium=False, solref=(0.1, 1.0), solimp=impedance(0.9)
     )
@@ -332,12 +337,12 @@ def test_a_ball_that_starts_just_touching_falls_as_deep_as_predicted() -> None:
         assert limit_of(contact_limits.start_depth, FIG12, soft, 2.0).exceeded == beyond
 
 
-def test_the_recipe_has_friction_for_a_ball_of_any_size() -> None:
-    """λ₀/N goes with the radius, and so does the friction: the same room is left, to rounding."""
+def test_the_torsional_friction_of_the_recipe_scales_with_the_radius() -> None:
+    """λ₀/N scales with the radius as well, so the margin is the same, to rounding."""
     here = limit_of(limits.torsional_friction, FIG12, FAST, 2.0)
     for length in (0.01, 100.0):
         scene = scaled(FIG12, mass=1.0, length=length)
-        # At 100 m the cone was saturated while the friction was 20 m.
+        # A fixed 20 m saturates the cone of a ball of 100 m.
         assert measured("path", scene, FAST, 2.0) < 7e-7  # measured 2.1e-7: RK4's error
         limit = limit_of(limits.torsional_friction, scene, FAST, 2.0)
         assert limit.value == 20.0 * length * FIG12.ball.radius
@@ -346,8 +351,8 @@ def test_the_recipe_has_friction_for_a_ball_of_any_size() -> None:
         assert friction[:3].tolist() == [20.0, 20.0, limit.value]
 
 
-def test_a_short_time_constant_is_raised_in_silence() -> None:
-    """Below two steps it is as good as two steps, to the last bit; the limit says so."""
+def test_mujoco_raises_a_short_time_constant_to_two_steps() -> None:
+    """The motions are equal to the last bit; only the limit reveals it."""
     ends = []
     for constant, beyond in ((0.01, True), (0.04, False)):
         settings = replace(FAST, solref=(constant, 1.0), start_in_equilibrium=False)
@@ -358,35 +363,32 @@ def test_a_short_time_constant_is_raised_in_silence() -> None:
     assert ends[0] == ends[1]
 
 
-def test_the_recipe_has_no_limit_near() -> None:
-    """The presets but naive are inside on every scene of the catalog and on random balls.
-
-    But for one: the catalog's servos are too strong for steps of 20 ms.
-    """
+def test_presets_exceed_no_limit_on_catalog_scenes_and_random_balls() -> None:
+    """Except "fast" on servo_motors, whose servos are too strong for steps of 20 ms."""
     for scene in (*map(rb.load_scene, rb.catalog()), *map(ball_of_points, range(4))):
         beyond = [p for p in ("fast", "adaptive") if exceeded(scene, rb.preset(p), scene.times)]
         assert beyond == ["fast"] * (scene.name == "servo_motors"), scene.name
 
 
-def test_a_warning_names_the_number_the_limit_and_the_fix() -> None:
-    """One line each, at the caller's line; strict makes it an error. A robot has them too."""
+def test_a_warning_names_the_number_the_limit_and_the_remedy() -> None:
+    """It points at the line of the caller; `strict` makes it an error. Robots get it too."""
     slippery, times = replace(FAST, sliding_friction=0.1), np.linspace(0.0, 0.1, 3)
     with pytest.warns(rb.SceneWarning, match=naming("fig12 fast friction 0.1 0.4547")) as caught:
         rb.simulate(FIG12, times, settings=slippery)
-    assert {each.filename for each in caught} == {__file__}
+    assert {warning.filename for warning in caught} == {__file__}
     with pytest.raises(rb.InputError, match=naming("slip")):
         rb.simulate(FIG12, times, settings=slippery, strict=True)
-    own = replace(worked("W2"), friction=Friction(sliding=0.02))
-    line = exceeded(own, rb.preset("balanced"), own.times)["sliding_friction"].warning
+    slick = replace(worked("W2"), friction=Friction(sliding=0.02))
+    line = exceeded(slick, rb.preset("balanced"), slick.times)["sliding_friction"].warning
     assert unnamed("friction.sliding 0.02", line) == []
-    # An error is told in percent, with two digits of it.
+    # A relative error is a percentage with two digits.
     lines = exceeded(FIG12, rb.preset("naive"), FIG12.times)
     facts = "Euler M 18~% 1~% timestep 0.00011~s integrator"
     assert unnamed(facts, lines["momentum_lost"].warning) == []
 
 
-def test_the_timestep_that_is_advised_is_inside_the_limit() -> None:
-    """To the two digits that are told."""
+def test_the_advised_timestep_is_just_inside_the_limit() -> None:
+    """Within 6 %: the message has two digits."""
     both = ((limits.rotation, ROTORS, "RK4"), (limits.momentum_lost, FIG12, "Euler"))
     for predict, scene, integrator in both:
         wrong = replace(FAST, integrator=integrator)
@@ -399,8 +401,8 @@ def test_the_timestep_that_is_advised_is_inside_the_limit() -> None:
 
 
 @pytest.mark.parametrize(("frequency", "preset"), [(100.0, "fast"), (200.0, "balanced")])
-def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: str) -> None:
-    """Its path error is the one predicted, to half of it or so; strict refuses the preset's."""
+def test_the_advised_timestep_resolves_the_drive(frequency: float, preset: str) -> None:
+    """Its path error is 0.6 to 0.7 of the prediction; `strict` refuses the step of the preset."""
     scene, settings, times = swung(frequency, 0.05), rb.preset(preset), np.linspace(0.0, 0.5, 26)
     with pytest.raises(rb.InputError, match=naming("drive timestep")) as error:
         rb.simulate(scene, times, settings=settings, strict=True)
@@ -413,51 +415,48 @@ def test_the_timestep_that_is_advised_sees_the_drive(frequency: float, preset: s
     assert robot_limits.drive_seen(PlannedRun(scene, rb.preset("adaptive"), 0.5)) is None
 
 
-def test_a_step_that_sees_a_drive_is_found_in_a_few_tries() -> None:
-    """A tenth shorter at least at each, so that a limit just below the error needs one."""
+def test_the_search_for_a_timestep_shortens_it_by_at_least_a_tenth() -> None:
+    """An error just above the limit needs one iteration."""
     scene = swung(7.0, 0.05)
     error_of = partial(scene.sampling_error, 0.5)
     error = error_of(5e-3)
     assert seeing_step(error_of, 5e-3, error) == 5e-3
     assert seeing_step(error_of, 5e-3, 0.99 * error) == pytest.approx(4.5e-3, rel=1e-12)
-    found = seeing_step(error_of, 5e-3, 1e-2 * error)
-    assert error_of(found) <= 1e-2 * error < error_of(2 * found)
+    step = seeing_step(error_of, 5e-3, 1e-2 * error)
+    assert error_of(step) <= 1e-2 * error < error_of(2 * step)
 
 
-def test_an_edge_knows_how_near_it_is() -> None:
-    """Limits from above and from below, none at all and numbers that are none."""
+def test_nearness_is_relative_to_upper_and_lower_limits() -> None:
+    """A limit of zero is kept by zero; NaN exceeds any limit."""
     most, least = (partial(LimitCheck, warning="", least=least) for least in (False, True))
     assert most(2.0, 4.0).nearness == 0.5
     assert least(2.0, 4.0).nearness == 2.0
     assert most(0.0, 0.0).nearness == 0.0
     assert not least(4.0, 4.0).exceeded
     assert most(np.nan, 1.0).exceeded
-    for length, beyond in ((1.0, False), (1e9, True)):  # such a ball rolls beyond 1e10 m
+    for length, beyond in ((1.0, False), (1e9, True)):  # rolls beyond 1e10 m
         scene = scaled(FIG12, length=length, gravity=1.0)
         assert limit_of(limits.largest_number, scene, FAST, 10.0).exceeded == beyond
 
 
 def checks() -> Iterator[tuple[str, LimitCheck]]:
-    """Yield the limits of scenes and settings that have all of them, each with its name."""
+    """Yield (name, limit) for scenes and settings that together have every limit."""
     other = replace(FAST, drive=Prescribed(1.0), root="frame", condim=6)
     names = ("fig12", "servo_motors", "pendulum_robot", "swinging_frame", "zero_rotor")
     for scene in map(rb.load_scene, names):
-        for each in (rb.preset("naive"), rb.preset("adaptive"), recipe("x", 1e-2), other):
-            yield from limit_checks(PlannedRun(scene, each, 10.0)).items()
+        for settings in (rb.preset("naive"), rb.preset("adaptive"), recipe("x", 1e-2), other):
+            yield from limit_checks(PlannedRun(scene, settings, 10.0)).items()
 
 
-def test_every_scene_has_all_its_edges_as_numbers() -> None:
-    """No law fails on a recipe with servos, without a timestep, or on a small armature.
-
-    Each of them has a sentence for its number.
-    """
-    found = list(checks())
-    assert all(limit.nearness >= 0 and limit.warning for _, limit in found)
-    assert {name for name, _ in found} == {law.__name__ for law in LAWS}
+def test_every_limit_has_a_nearness_and_a_warning() -> None:
+    """Even with servos, without a timestep, or with a small armature."""
+    limit_list = list(checks())
+    assert all(limit.nearness >= 0 and limit.warning for _, limit in limit_list)
+    assert {name for name, _ in limit_list} == {law.__name__ for law in LAWS}
 
 
-def test_a_run_of_too_many_steps_is_refused_with_the_numbers() -> None:
-    """Before anything is built; an adaptive run is stopped when it has taken them."""
+def test_a_run_of_more_than_max_steps_is_refused() -> None:
+    """Before the model is built; an adaptive run stops after max_steps steps."""
     for duration, steps in ((1e6, "50000000"), (1e45, "5e+46")):
         facts = f"{steps} 0.02~s max_steps 10000000"
         with pytest.raises(rb.InputError, match=naming(facts)):
@@ -470,7 +469,7 @@ def test_a_run_of_too_many_steps_is_refused_with_the_numbers() -> None:
 
 
 def test_adaptive_steps_of_stiff_servos_are_refused() -> None:
-    """By their rate times the duration, before the run."""
+    """Before the run, from their rate times the duration."""
     ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), (Hinge(Frame(0.5, 4e-5 * np.eye(3))),))
     scene = robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(500.0),))
     facts = naming("servos 1.98…e+07 adaptive")

@@ -1,4 +1,4 @@
-"""A model in files moves as it should without robotball, or says what it needs to."""
+"""Exported models run correctly without robotball, or name the script that they need."""
 
 import re
 import subprocess
@@ -26,17 +26,17 @@ def files_of(scene: rb.Scene, settings: rb.Settings = BALANCED) -> Written:
 
 
 def played(files: Written, folder: Path) -> tuple[float, list[float]]:
-    """The time and qpos that the player prints, by a Python that finds no robotball."""
+    """Return the time and qpos printed by the player in a Python without robotball."""
     for name, text in files.files.items():
         (folder / name).write_text(text)
     code = (
         "import runpy, sys; sys.modules['robotball'] = None; "
         "runpy.run_path('mujoco-play.py', run_name='__main__')"
     )
-    said = subprocess.check_output([sys.executable, "-c", code], cwd=folder, text=True)
-    found = re.fullmatch(r"t = (\S+) s, qpos = \[(.*)\]\n", said)
-    assert found is not None
-    return float(found[1]), [float(number) for number in found[2].split(",")]
+    output = subprocess.check_output([sys.executable, "-c", code], cwd=folder, text=True)
+    match = re.fullmatch(r"t = (\S+) s, qpos = \[(.*)\]\n", output)
+    assert match is not None
+    return float(match[1]), [float(number) for number in match[2].split(",")]
 
 
 @pytest.mark.parametrize(
@@ -48,12 +48,13 @@ def played(files: Written, folder: Path) -> tuple[float, list[float]]:
     ],
     ids=["ball", "W4", "tree"],
 )
-def test_plain_steps_end_where_the_equations_do_with_the_controls_alone(
+def test_the_player_is_needed_to_follow_the_equations(
     scene: rb.Scene, unplayed: float, tmp_path: Path
 ) -> None:
-    """Held controls are of second order in the step; W4's contact is harder than MJCF can say.
+    """Plain steps with the constant controls of the keyframe miss the end point by `unplayed`.
 
-    Measured 1.8e-7 to 2.5e-7 of the path; unplayed: with the keyframe's controls.
+    Measured with the player: 1.8e-7 to 2.5e-7 of the path, from holding controls over a step and
+    from the contact of W4, which is harder than MJCF can express.
     """
     files, theory = files_of(scene), rb.integrate(scene)
 
@@ -75,25 +76,22 @@ def test_plain_steps_end_where_the_equations_do_with_the_controls_alone(
     assert "mujoco-play.py" in files.xml.partition("-->")[0]
 
 
-def test_settings_that_never_get_good_keep_their_own_step() -> None:
-    """The naive preset shows what a newcomer writes, with its step."""
+def test_the_naive_preset_is_exported_with_mujocos_default_timestep() -> None:
+    """An accurate step would hide the errors that this preset demonstrates."""
     files = files_of(WOBBLING.until(0.1), rb.preset("naive"))
     timestep = mujoco.MjModel.from_xml_string(files.xml).opt.timestep
     assert timestep == mujoco.MjModel.from_xml_string("<mujoco/>").opt.timestep
 
 
 @pytest.mark.parametrize("name", ["classical_regular", "fig12"])
-def test_a_steady_scene_s_file_needs_no_player(name: str) -> None:
-    """Any way of stepping it is right; what a user must know stands in its first lines.
-
-    Resistance to rolling is no part of MJCF.
-    """
+def test_a_steady_scene_is_exported_as_one_file(name: str) -> None:
+    """Its first comment explains the model, and names resistance to rolling, which MJCF lacks."""
     scene = rb.load_scene(name)
     files = files_of(scene)
     assert (files.needs, files.files) == (None, {"mujoco.xml": files.xml})
     comment = files.xml.partition("-->")[0]
-    for words in ('the keyframe "start"', "Armature: so large that", "Integrator: RK4", "MJX"):
-        assert words in comment
+    for phrase in ('the keyframe "start"', "Armature: so large that", "Integrator: RK4", "MJX"):
+        assert phrase in comment
     assert mujoco.MjModel.from_xml_string(files.xml).camera("track").name == "track"
     missing = "resistance to rolling, which robotball adds"
     assert missing not in comment

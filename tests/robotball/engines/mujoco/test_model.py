@@ -1,4 +1,4 @@
-"""The MJCF holds what the scene needs, to the last digit, and nothing else."""
+"""The MJCF model: its bodies, initial state, defaults and appearance."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ FIG12, REGULAR = rb.load_scene("fig12"), rb.load_scene("classical_regular")
 
 
 def moved(model: Model, steps: int = 0) -> mujoco.MjData:
-    """The data after some steps from the start, evaluated."""
+    """Return the data after some steps from the initial state."""
     data = model.start_data()
     for _ in range(steps):
         mujoco.mj_step(model.compiled, data)
@@ -35,12 +35,12 @@ STILL = replace(REGULAR, ball=rb.Ball(REGULAR.ball.shell, (rb.Hinge(REGULAR.ball
     [(FIG12, 4, 2, 4), (REGULAR, 4, 2, 3), (STILL, 3, 0, 3)],
     ids=["rubber", "classical", "still"],
 )
-def test_a_model_has_what_its_scene_needs_and_nothing_to_look_at(
+def test_a_model_has_only_bodies_hinges_and_two_geoms(
     scene: rb.Scene, bodies: int, actuators: int, condim: int
 ) -> None:
-    """The world, shell, frame and rotors; a hinge for what turns; rubber's torsional row.
+    """A body without rotation gets no hinge; rubber rolling adds the torsional row (condim 4).
 
-    Two geoms touch; no light, texture or material is in the model.
+    Lights, textures and materials are added only for display.
     """
     compiled = build(scene, BALANCED).compiled
     assert (compiled.nbody, compiled.nu, compiled.njnt) == (bodies, actuators, actuators + 1)
@@ -48,18 +48,18 @@ def test_a_model_has_what_its_scene_needs_and_nothing_to_look_at(
     assert (compiled.ngeom, compiled.nlight, compiled.ntex, compiled.nmat) == (2, 0, 0, 0)
 
 
-def test_a_model_starts_with_the_plane_carrying_its_weight_and_is_built_alike_twice() -> None:
-    """In equilibrium the centre stands at the radius and does not accelerate upwards."""
+def test_a_model_starts_in_contact_equilibrium_and_is_built_reproducibly() -> None:
+    """The centre is one radius above the plane, without vertical acceleration."""
     first, second = (build(FIG12, BALANCED) for _ in range(2))
     assert first.xml == second.xml
     assert moved(first, 200).qpos.tolist() == moved(second, 200).qpos.tolist()
     data = moved(first)
     assert data.qpos[2] == FIG12.ball.radius
-    # Measured 0, of 9.81 m/s²: the root is found to the last digits of the depth.
+    # Measured 0 m/s²: the depth is solved to rounding.
     assert abs(data.qacc[2]) < 1e-12
 
 
-def test_what_settings_leave_open_stays_at_mujocos_default() -> None:
+def test_open_fields_keep_mujocos_defaults() -> None:
     """The naive preset writes no option and no contact parameter."""
     compiled = build(FIG12, rb.preset("naive")).compiled
     default = mujoco.MjModel.from_xml_string("<mujoco/>")
@@ -70,10 +70,10 @@ def test_what_settings_leave_open_stays_at_mujocos_default() -> None:
 
 
 @pytest.mark.parametrize("name", ["classical_regular", "three_rotors", "pendulum_robot"])
-def test_a_dressed_model_moves_as_the_bare_one(name: str) -> None:
-    """To the last bit: what is to be looked at weighs nothing, and none of it is outside the shell.
+def test_a_dressed_model_moves_exactly_like_the_bare_one(name: str) -> None:
+    """Visual geoms have no mass and lie inside the shell.
 
-    No name has a `/`, which dm_control keeps for itself.
+    Names contain no `/`, which dm_control reserves.
     """
     bare = build(rb.load_scene(name), BALANCED)
     dressed, ball = dress(bare), bare.scene.ball
@@ -88,8 +88,8 @@ def test_a_dressed_model_moves_as_the_bare_one(name: str) -> None:
     assert np.linalg.norm(shapes - ends[1].body("shell").xpos, axis=1).max() < ball.radius
 
 
-def test_what_mujoco_refuses_is_one_line() -> None:
-    """A ball too light for MuJoCo, and a contact that carries nothing."""
+def test_models_that_mujoco_refuses_raise_an_input_error() -> None:
+    """A ball too light for MuJoCo, and a contact too soft to carry its weight."""
     with pytest.raises(rb.InputError, match=naming("MuJoCo")):
         rb.simulate(scaled(FIG12, length=1e-9, gravity=1.0), settings="fast")
     with pytest.raises(rb.InputError, match=naming("contact depth")):

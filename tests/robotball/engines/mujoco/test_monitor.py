@@ -1,4 +1,4 @@
-"""A run that goes wrong is reported with its time and cause, and never passes for a result."""
+"""A failing run is reported with its time and cause, and is never taken for a result."""
 
 from dataclasses import replace
 
@@ -25,19 +25,19 @@ FIG12 = rb.load_scene("fig12")
 FAST = rb.preset("fast")
 KEEP_GOING = replace(FAST, stop_at_fault=False)
 
-# (scene, settings, what is reported)
+# (scene, settings, reported faults)
 FAULTS: dict[str, tuple[rb.Scene, rb.Settings, set[tuple[FaultKind, float]]]] = {
-    # A newcomer's model slips, bounces and loses its rates.
+    # Default settings slip, bounce and miss the prescribed rates.
     "naive": (FIG12, rb.preset("naive"), {
         (FaultKind.RATE_OFF, 0.001), (FaultKind.CONE_SATURATED, 0.0),
         (FaultKind.CONTACT_LOST, 0.0), (FaultKind.SLIPPED, 0.01), (FaultKind.MOMENTUM_OFF, 0.01),
     }),
-    # M keeps to 1e-8 while the ball slips off its path.
+    # M is conserved to 1e-8 while the ball slips off its path.
     "the frame as root": (
         FIG12, replace(FAST, root="frame"), {(FaultKind.SLIPPED, 0.0005)}
     ),
     "no torsional row": (FIG12, replace(FAST, condim=3), {(FaultKind.SLIPPED, 0.0005)}),
-    # No warning of MuJoCo's, and M is off at once.
+    # MuJoCo gives no warning, and M is wrong at once.
     "Euler at fast rotors": (
         FIG12.with_hinges(command={"rotor1": 30 * 148.0}),
         replace(FAST, integrator="Euler", timestep=1e-3, sliding_friction=1e4,
@@ -52,7 +52,7 @@ FAULTS: dict[str, tuple[rb.Scene, rb.Settings, set[tuple[FaultKind, float]]]] = 
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_what_goes_wrong_is_reported(name: str) -> None:
+def test_a_failing_run_reports_its_faults(name: str) -> None:
     scene, settings, causes = FAULTS[name]
     faults = rb.simulate(scene, settings=settings).report.faults
     assert {(fault.kind, fault.limit) for fault in faults} == causes
@@ -61,17 +61,23 @@ def test_what_goes_wrong_is_reported(name: str) -> None:
 @pytest.mark.parametrize(
     ("preset", "frequency", "off"),
     [
-        ("fast", 50.0, True), ("fast", 100.0, True), ("fast", 150.0, True), ("fast", 200.0, True),
-        ("balanced", 200.0, True), ("balanced", 400.0, True), ("balanced", 199.0, True),
-        ("balanced", 7.0, False), ("fast", 7.0, False),
+        ("fast", 50.0, True),
+        ("fast", 100.0, True),
+        ("fast", 150.0, True),
+        ("fast", 200.0, True),
+        ("balanced", 200.0, True),
+        ("balanced", 400.0, True),
+        ("balanced", 199.0, True),
+        ("balanced", 7.0, False),
+        ("fast", 7.0, False),
     ],
-)  # fmt: skip
-def test_a_drive_that_steps_see_as_a_constant_is_a_fault(
+)
+def test_a_drive_that_steps_alias_to_a_constant_is_a_fault(
     preset: str, frequency: float, off: bool
 ) -> None:
-    """Without a precheck: its hinge turns by 2.5 % more than it does, and the path as much.
+    """Detected during the run: hinge angle and path are 2.5 % too large.
 
-    The rates at the steps' ends alone are right, but for one of 199 Hz.
+    The rates at the ends of steps reveal it only for 199 Hz.
     """
     sine = rb.Sine(mean=2.0, amplitude=0.05, frequency=frequency, phase=np.pi / 2)
     model = build(FIG12.with_hinges(command={"frame": sine}), rb.preset(preset))
@@ -80,9 +86,9 @@ def test_a_drive_that_steps_see_as_a_constant_is_a_fault(
 
 
 def test_a_diverging_run_ends_at_the_step_that_diverged() -> None:
-    """Explicit steps of half a second blow up: no sample after that, no measure, one cause.
+    """It has no samples after that, no finite error, and one fatal fault.
 
-    A fault at the very first state leaves no sample.
+    A fault in the initial state leaves no samples.
     """
     slippery = replace(FAST, sliding_friction=0.2)
     pair = pair_of(FIG12, slippery, np.linspace(0.0, 1.0, 11))
@@ -98,11 +104,11 @@ def test_a_diverging_run_ends_at_the_step_that_diverged() -> None:
     assert not pair.agrees
 
 
-def test_too_little_friction_is_reported_from_the_moment_it_slips() -> None:
-    """The demand peaks at 1.32 of the weight; with a limit of 1, the run fails when that is asked.
+def test_too_little_friction_is_reported_when_the_demand_exceeds_it() -> None:
+    """The demand peaks at 1.32 of the weight, and the friction coefficient is 1.
 
-    MuJoCo's sliding contact throws the ball up for a step before it saturates. A run that is to
-    stop there ends before, and lists that fault alone.
+    The contact is lost for a step before its friction cone saturates. A run that stops at faults
+    lists only the first.
     """
     demand = rb.simulate(FIG12, settings=FAST).loads.sliding_friction
     slippery, times = replace(FAST, sliding_friction=1.0), rb.sample_times(1.0)
@@ -120,14 +126,14 @@ def test_too_little_friction_is_reported_from_the_moment_it_slips() -> None:
 
 
 def rows_of(model: Model, duration: float) -> Array:
-    """The rows of a sound run in 20 ms steps."""
+    """Return the rows of a sound run in 20 ms steps."""
     with controlled(model) as control:
         portions = by_steps(control, model.start_data(), np.array([0.0, duration]))
         return np.concatenate([portion.rows for portion in portions])
 
 
 def faults_of(model: Model, *parts: Array) -> list[rb.Fault]:
-    """The faults of a run whose rows are seen in parts, until it ends."""
+    """Return the faults of a run whose rows are recorded in parts."""
     end = readings_of(model, parts[-1]).time[-1]
     recording = Recording(LABEL, model.scene, model.settings, np.array([0.0, end]))
     for rows in parts:
@@ -136,12 +142,12 @@ def faults_of(model: Model, *parts: Array) -> list[rb.Fault]:
     return list(recording.faults.values())
 
 
-def found_in(model: Model, rows: Array) -> list[tuple[FaultKind, float]]:
-    return [(each.kind, each.time) for each in faults_of(model, rows)]
+def causes_and_times(model: Model, rows: Array) -> list[tuple[FaultKind, float]]:
+    return [(fault.kind, fault.time) for fault in faults_of(model, rows)]
 
 
-def test_a_ball_thrown_up_has_lost_contact() -> None:
-    """At the first time it is there; its M is about the point below it, so that is another one."""
+def test_a_ball_in_the_air_has_lost_contact() -> None:
+    """From the first step in the air; M about the point below the ball is off as well."""
     model = build(FIG12, FAST)
     data, rows = model.start_data(), []
     for step in range(4):
@@ -150,48 +156,48 @@ def test_a_ball_thrown_up_has_lost_contact() -> None:
         mujoco.mj_step(model.compiled, data)
         rows.append(read_row(data))
     causes = (FaultKind.CONTACT_LOST, FaultKind.MOMENTUM_OFF)
-    assert found_in(model, np.array(rows)) == [(cause, 0.04) for cause in causes]
+    assert causes_and_times(model, np.array(rows)) == [(cause, 0.04) for cause in causes]
 
 
 @pytest.mark.parametrize("name", ["fig12", "classical_regular"])
-def test_a_slip_is_a_fault_from_its_limit_on(name: str) -> None:
-    """A share of the limit's slip is written into every step of a sound run's readings.
+def test_a_slip_beyond_its_limit_is_a_fault(name: str) -> None:
+    """A fraction of the largest allowed slip is written into the readings of a sound run.
 
-    A monitor that sees the rows in two parts finds it where one look at all of them does.
+    Recording the rows in two parts gives the same time.
     """
     model = build(rb.load_scene(name), FAST)
     rows = rows_of(model, 1.0)
     steps = np.diff(readings_of(model, rows).centre[:, :2], axis=0, prepend=np.zeros((1, 2)))
     contact = np.arange(rows.shape[1])[model.sensor_columns["contact"]]
     rows[:, contact[16]] = 0.0
-    found = []
+    results = []
     for later in (0.9, 1.1):
         share = np.where(np.arange(len(rows)) < 10, 0.9, later)[:, None]
         slip = share * FAST.error_tolerance * steps / model.compiled.opt.timestep
         rows[:, contact[14:16]] = slip
-        found.append(found_in(model, rows))
-    ((cause, time),) = found[1]
-    assert (found[0], cause) == ([], FaultKind.SLIPPED)
+        results.append(causes_and_times(model, rows))
+    ((cause, time),) = results[1]
+    assert (results[0], cause) == ([], FaultKind.SLIPPED)
     assert time > 0.3
-    assert [each.time for each in faults_of(model, rows[:15], rows[15:])] == [time]
+    assert [fault.time for fault in faults_of(model, rows[:15], rows[15:])] == [time]
 
 
 @pytest.mark.parametrize(("share", "faults"), [(0.9, []), (1.1, [FaultKind.SLIPPED])])
-def test_a_slip_before_there_is_a_path_is_held_to_the_radius(
+def test_a_slip_at_the_start_is_relative_to_the_radius(
     share: float, faults: list[FaultKind]
 ) -> None:
-    """As path errors are, or no ball could start from rest: friction that creeps slips at once."""
+    """Relative to the path, any start from rest would fail, since regularised friction creeps."""
     model = build(rb.load_scene("classical_regular"), FAST)
     rows = rows_of(model, 0.1)
     contact = np.arange(rows.shape[1])[model.sensor_columns["contact"]]
     rows[:, contact[14:17]] = 0.0
     length = share * FAST.error_tolerance * model.scene.ball.radius
     rows[1, contact[14]] = length / model.compiled.opt.timestep
-    assert [cause for cause, _ in found_in(model, rows)] == faults
+    assert [cause for cause, _ in causes_and_times(model, rows)] == faults
 
 
-def test_a_reset_and_mujocos_own_warnings_are_faults() -> None:
-    """Time that goes back gives away a reset; a control that MuJoCo calls bad has a counter."""
+def test_a_reset_and_warnings_by_mujoco_are_faults() -> None:
+    """A reset shows as decreasing time; an invalid control increments a warning counter."""
     model = build(FIG12, FAST)
     rows = rows_of(model, 0.08)
     (fault,) = faults_of(model, np.array([*rows[:3], *rows[:3]]))
@@ -208,18 +214,18 @@ def test_a_reset_and_mujocos_own_warnings_are_faults() -> None:
 
 
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
-def test_the_cone_used_is_one_on_its_surface(cone: str) -> None:
-    """A sliding contact's force lies on the cone of its own kind."""
+def test_a_sliding_contact_uses_all_of_its_friction_cone(cone: str) -> None:
+    """Its force lies on the surface of the elliptic or pyramidal cone."""
     slippery = replace(KEEP_GOING, timestep=2e-3, cone=cone, sliding_friction=0.05)
     used = rb.simulate(FIG12, rb.sample_times(0.2), settings=slippery).report.friction_used
     # Measured 1 + 2.2e-16: rounding.
     assert used.max() == pytest.approx(1.0, abs=2e-15)
 
 
-def test_every_step_is_read_with_the_warnings_so_far() -> None:
-    """The rows of a run that diverges are those of a plain loop that copies all after each step.
+def test_every_step_is_recorded_with_its_warning_counts() -> None:
+    """The rows of a diverging run equal those of a plain loop that copies them after each step.
 
-    MuJoCo warns first in the tenth step; the last row is of the end, from which no step was taken.
+    The first warning is in the tenth step; the last row is the final state.
     """
     servo = rb.Servo(gain=10.0)
     model = build(FIG12, replace(rb.PRESETS["naive"], timestep=0.02, drive=servo))

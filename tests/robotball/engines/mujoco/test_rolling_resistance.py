@@ -1,4 +1,4 @@
-"""Steps under the plane's resistance to rolling: no callback, and a bound on their parts."""
+"""Steps with resistance to rolling: divergence, the number of parts per step, and deceleration."""
 
 from dataclasses import replace
 
@@ -26,19 +26,19 @@ def resisting(*motors: Motor) -> rb.Scene:
     return replace(worked("W4").with_hinges(motor=motors), friction=Friction(rolling=0.005))
 
 
-def test_a_robot_that_diverges_on_a_resisting_plane_ends_with_that_fault() -> None:
-    """MuJoCo never returns from a warning inside a callback, so the callback calls none of it."""
+def test_a_robot_that_diverges_with_rolling_resistance_ends_with_that_fault() -> None:
+    """The callback only sets controls: a warning raised inside a callback would hang MuJoCo."""
     scene = resisting(rb.Servo(5e3), FREE)
     with controlled(build(scene, ON)) as running:
-        assert mujoco.get_mjcb_control() == running.set  # which only writes the controls
+        assert mujoco.get_mjcb_control() == running.set
     last = rb.simulate(scene, settings=ON).report.faults[-1]
     assert (last.text, last.fatal) == ("the state diverged", True)
     assert last.time < 0.02  # measured 0.01087: within the first step
 
 
 @pytest.mark.parametrize("gain", [5.0, 5e7])
-def test_a_diverging_robot_takes_few_parts(gain: float) -> None:
-    """The monitor looks after 64 parts; such a step was cut into a million of them."""
+def test_a_diverging_robot_ends_after_few_parts(gain: float) -> None:
+    """The monitor checks after 64 parts; otherwise the step would have a million."""
     motors = rb.Servo(gain), rb.PositionServo(12 * gain, 0.3)
     report = rb.simulate(resisting(*motors), settings=ON).report
     assert "the state diverged" in [fault.text for fault in report.faults]
@@ -46,7 +46,7 @@ def test_a_diverging_robot_takes_few_parts(gain: float) -> None:
 
 
 def test_a_run_of_too_many_parts_ends_with_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A frame that leans over at 0.1 rad/s leaves its standstill in hundreds of parts."""
+    """Starting from a standstill takes hundreds of parts for a frame rate of 0.1 rad/s."""
     lean = low_weight(3.0, 0.08).with_hinges(command=(0.1,))
     start = rb.Start(np.array([1.0, 0.0, 0.0, 0.0]), lean.start.momentum)
     lean = replace(lean, start=start, friction=Friction(rolling=0.005), duration=3.0)
@@ -62,8 +62,8 @@ def test_a_run_of_too_many_parts_ends_with_a_fault(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "discrete", "RK4"])
-def test_every_integrator_brakes_a_ball_by_the_law(integrator: str) -> None:
-    """A hollow sphere loses 3 μ g t / (5 a²) of its rate: the torque over its inertia, 5/3 m a²."""
+def test_every_integrator_decelerates_a_ball_at_the_exact_rate(integrator: str) -> None:
+    """A hollow sphere slows by 3 μ g t / (5 a²): the torque over its inertia, 5/3 m a²."""
     inertia = shell_inertia(0.2, 1.5)
     ball = Ball(Shell(0.2, 1.5, inertia, inertia, Y), ())
     scene = robot("sphere", ball, "classical", [], (1.0, 0.0, 0.0, 0.0), (0.0, 9.0, 0.0))

@@ -1,4 +1,4 @@
-"""MuJoCo rolls the ball as the equations do: path, momentum, forces, order in the timestep."""
+"""MuJoCo agrees with the equations for balanced balls: path, momentum, attitude and torques."""
 
 from dataclasses import replace
 
@@ -33,14 +33,11 @@ def test_mujoco_follows_the_equations(name: str, settings: str, bound: float) ->
 
 
 @pytest.mark.parametrize("name", ["fig12", "classical_regular"])
-def test_momentum_attitude_and_turning_agree(name: str) -> None:
-    """Not the path alone: M of MuJoCo's own momenta, the frame's attitude and ω, in frame axes.
-
-    Frame and rotor turn at constant rates, whatever torque that takes.
-    """
+def test_momentum_attitude_and_angular_velocity_agree(name: str) -> None:
+    """M is summed from the momenta of MuJoCo's bodies; frame and rotors keep prescribed rates."""
     pair = pair_of(rb.load_scene(name), "balanced")
     ours, theirs = pair.motion, pair.theory
-    # Measured at most 2.5e-14 kg m²/s of 5: rounding in summing the bodies' momenta.
+    # Measured at most 2.5e-14 kg m²/s, of 5: rounding of the sum.
     assert np.abs(ours.momentum[0] - theirs.momentum[0]).max() < 8e-14
     same = np.abs((ours.attitude * theirs.attitude).sum(axis=1))
     # Measured 1.3e-15 and 2.4e-7 rad/s: RK4's error, which a quaternion's cosine squares.
@@ -48,30 +45,27 @@ def test_momentum_attitude_and_turning_agree(name: str) -> None:
     assert np.abs(ours.angular_velocity - theirs.angular_velocity).max() < 8e-7
     assert pair.gamma_error < 1.7e-7  # measured 5.6e-8 rad
     assert pair.momentum_error < 1.2e-8  # measured 3.9e-9
-    # Measured 2.9e-11 of 1480 rad: rounding of 2 000 additions.
+    # Measured 2.9e-11 rad, of 1480: rounding of 2 000 additions.
     assert np.abs(ours.hinge_angles - theirs.hinge_angles).max() < 2e-10
     assert pair.report.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
 
 
-def test_far_apart_samples_take_the_same_steps_as_near_ones() -> None:
-    """A long interval is run in parts without a trace of them; its progress is told up to one.
-
-    The same model runs twice.
-    """
-    model, told = build(FIG12, rb.preset("accurate")), list[float]()
-    near = run(model, np.linspace(0.0, 5.0, 251), told.append)
-    far = run(model, np.array([0.0, 5.0]))
+def test_sparse_samples_take_the_same_steps_as_dense_ones() -> None:
+    """A long interval is run in parts, which only its progress reveals; a model can run twice."""
+    model, progress = build(FIG12, rb.preset("accurate")), list[float]()
+    dense = run(model, np.linspace(0.0, 5.0, 251), progress.append)
+    sparse = run(model, np.array([0.0, 5.0]))
     # Measured 1.6e-13 m: step lengths differ by rounding.
-    assert np.abs(near.contact_point[-1] - far.contact_point[-1]).max() < 1e-12
-    assert far.report.steps == 5000
-    assert told == sorted(told)
-    assert len(told) > 1
-    assert told[-1] == pytest.approx(1.0, abs=1e-3)
+    assert np.abs(dense.contact_point[-1] - sparse.contact_point[-1]).max() < 1e-12
+    assert sparse.report.steps == 5000
+    assert progress == sorted(progress)
+    assert len(progress) > 1
+    assert progress[-1] == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("timestep", [0.02, 0.005])
-def test_samples_may_fall_on_the_steps_of_dop853(timestep: float) -> None:
-    """Steps that end on sample times are read once, and time does not seem to stand still."""
+def test_samples_may_coincide_with_steps_of_dop853(timestep: float) -> None:
+    """A step that ends on a sample time is read once and raises no fault."""
     settings = recipe("fixed", 1e-9, integrator="DOP853", timestep=timestep, rtol=1.0)
     pair = pair_of(FIG12, settings, rb.sample_times(0.5))
     assert pair.report.faults == ()
@@ -79,11 +73,10 @@ def test_samples_may_fall_on_the_steps_of_dop853(timestep: float) -> None:
 
 
 @pytest.mark.parametrize("preset", ["fast", "naive"])
-def test_a_servo_follows_its_law_between_its_limits(preset: str) -> None:
-    """Its torque is kv times the rate's error, cut at either limit, by our switches and MuJoCo's.
+def test_a_servo_torque_is_its_clipped_law(preset: str) -> None:
+    """The torque is kv times the rate error, clipped at the limit.
 
-    RK4 of "fast" steps as far as each switch; the first order of "naive" leaves the limit to
-    MuJoCo.
+    "fast" splits its steps at each switch; "naive" leaves the limit to MuJoCo.
     """
     motors = (rb.Servo(gain=100.0, torque_limit=3.0), None)
     scene = FIG12.with_hinges(motor=motors)
@@ -92,12 +85,12 @@ def test_a_servo_follows_its_law_between_its_limits(preset: str) -> None:
     rate = scene.hinges[0].command.rate(motion.times)
     law = np.clip(100.0 * (rate - motion.hinge_rates[:, 0]), -3.0, 3.0)
     assert np.abs(torque - law).max() < 5e-14  # measured 1.4e-14 N m: rounding
-    # Of 101 samples 39 and 46 are at one limit, 31 and 27 at the other, the others between.
+    # 39 and 46 of 101 samples are at the upper limit, 31 and 27 at the lower one.
     assert min((law == 3.0).sum(), (law == -3.0).sum(), (np.abs(law) < 3.0).sum()) > 20
 
 
-def test_adaptive_steps_too_short_for_the_rest_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Long before max_steps are taken; near a standstill 1000 steps may last a millionth of it."""
+def test_adaptive_steps_too_short_to_finish_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long before max_steps: near a standstill, 1000 steps may cover a millionth of the motion."""
     monkeypatch.setattr(adaptive, "_PACE", 100)
     monkeypatch.setattr(adaptive, "_ENDLESS", 100)
     settings = replace(rb.preset("adaptive"), max_steps=600)  # fig12 takes 40 a second
@@ -109,7 +102,7 @@ def test_adaptive_steps_too_short_for_the_rest_end_the_run(monkeypatch: pytest.M
 
 
 def test_steps_end_on_every_sample_and_breakpoint() -> None:
-    """Spans are divided evenly, none longer than the timestep, in stretches of bounded length."""
+    """Intervals are divided evenly into steps of at most one timestep, in bounded stretches."""
     parts = list(stretches(np.array([0.0, 0.013, 40.0]), (0.5, 7.0), timestep=1e-3))
     edges = np.concatenate([part.ends for part in parts])
     steps = [int(part.counts.sum()) for part in parts]

@@ -1,4 +1,4 @@
-"""Settings: what is refused, what the load chooses, and that what a user sets is what runs."""
+"""Settings: refusals, the recipe chosen from the load, and precedence of the user's values."""
 
 import json
 import warnings
@@ -51,20 +51,20 @@ def changed(changes: dict[str, Any]) -> rb.Settings:
 
 @pytest.mark.parametrize(("facts", "changes"), BAD.items())
 def test_settings_that_cannot_be_run_are_refused(facts: str, changes: dict[str, Any]) -> None:
-    """In one line that names the field, the value and what it may be."""
+    """The error names the field, its value and the allowed values."""
     with pytest.raises(rb.InputError, match=naming(facts)):
         changed(changes)
 
 
-def test_the_load_chooses_one_of_two_recipes() -> None:
-    """The whole of one or of the other; nothing is left open in the settings that run."""
+def test_open_fields_come_from_the_recipe_for_a_constant_or_a_varying_load() -> None:
+    """One recipe fills every open field of the settings."""
     inclined = replace(FIG12, gravity_direction=(np.sin(0.1), 0.0, -np.cos(0.1)))
     for scene in (FIG12, inclined):
         assert for_load(BALANCED, scene) == replace(BALANCED, **CONSTANT)
         assert Resolved(scene, BALANCED).settings == replace(BALANCED, **CONSTANT)
     harder: dict[str, Any] = {"softness": 3e-4, "solref": (0.01, 1.0)}
     assert for_load(BALANCED, worked("W5")) == replace(BALANCED, **VARYING, **harder)
-    assert for_load(FAST, worked("W5")).solref == (0.04, 1.0)  # two of its steps
+    assert for_load(FAST, worked("W5")).solref == (0.04, 1.0)  # two timesteps
     assert for_load(rb.preset("adaptive"), worked("W5")).solref == (0.004, 1.0)
 
 
@@ -75,22 +75,22 @@ SET: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("scene", [worked("W5"), FIG12], ids=lambda scene: scene.name)
-def test_what_a_user_sets_is_what_runs(scene: rb.Scene) -> None:
-    """Also a value that one of the recipes has, on a scene that takes the other recipe."""
-    for own in SET:
-        chosen = for_load(replace(BALANCED, **own), scene)
-        assert {name: getattr(chosen, name) for name in own} == own
-        assert for_load(chosen, worked("W5")) is chosen  # whole settings run on any other scene
+def test_fields_set_by_the_user_override_the_recipe(scene: rb.Scene) -> None:
+    """Even if the value is in the recipe that the scene does not use."""
+    for user_values in SET:
+        chosen = for_load(replace(BALANCED, **user_values), scene)
+        assert {name: getattr(chosen, name) for name in user_values} == user_values
+        assert for_load(chosen, worked("W5")) is chosen  # no open field: unchanged on another scene
     ran = rb.simulate(scene, np.array([0.0, 0.01]), settings=chosen).report.settings
     assert ran == chosen
 
 
-def test_settings_come_back_from_plain_data() -> None:
-    """Radii are told from metres in a record, a servo from an armature, each checked as it is."""
+def test_settings_survive_a_round_trip_through_json() -> None:
+    """The record distinguishes radii from metres and a servo from an armature."""
     whole = for_load(FAST, FIG12)
     assert whole.plain()["torsional_friction"] == {"radii": 20.0}
-    for each in (FAST, whole, rb.preset("naive")):
-        assert settings_from(json.loads(json.dumps(each.plain()))) == each
+    for original in (FAST, whole, rb.preset("naive")):
+        assert settings_from(json.loads(json.dumps(original.plain()))) == original
     wide = Resolved(scaled(FIG12, length=100.0), replace(FAST, torsional_friction=0.3))
     assert wide.friction[1] == 0.3
     with pytest.raises(rb.InputError, match=naming("-1.0")):
@@ -124,21 +124,23 @@ SCENES = [rb.load_scene(name) for name in ("fig12", "classical_regular", "chaply
 
 @settings(max_examples=25)
 @given(CHANGES, st.sampled_from(SCENES), st.booleans(), st.tuples(SIZE, SIZE, SIZE))
-def test_any_settings_give_a_finite_motion_or_one_line(
+def test_any_settings_give_a_finite_motion_or_an_input_error(
     changes: dict[str, Any], scene: rb.Scene, naive: bool, sizes: tuple[float, float, float]
 ) -> None:
-    """Whatever the numbers: an InputError of one line, or finite samples up to where it ends."""
+    """All samples are finite; a run that ends early reports a fault."""
     base, (gravity, momentum, rate) = rb.preset("naive") if naive else FAST, sizes
     start = replace(scene.start, momentum=scene.start.momentum * momentum)
     try:
-        given = replace(base, max_steps=200, **changes)
+        run_settings = replace(base, max_steps=200, **changes)
         extreme_scene = replace(scene, gravity=gravity, start=start)
         extreme_scene = extreme_scene.with_hinges(command={"frame": 2.0 * rate})
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rb.SceneWarning)
-            step = 0.01 if given.timestep is None else given.timestep
-            motion = rb.simulate(extreme_scene, np.linspace(0.0, 20 * step, 3), settings=given)
-    except rb.InputError:  # one line by itself
+            step = 0.01 if run_settings.timestep is None else run_settings.timestep
+            motion = rb.simulate(
+                extreme_scene, np.linspace(0.0, 20 * step, 3), settings=run_settings
+            )
+    except rb.InputError:
         return
     for array in (motion.contact_point, motion.attitude, motion.momentum, motion.angular_velocity):
         assert np.isfinite(array).all()
@@ -146,14 +148,16 @@ def test_any_settings_give_a_finite_motion_or_one_line(
     assert all(np.isfinite(fault.time) for fault in motion.report.faults)
 
 
-def test_a_limit_of_stability_is_where_the_integrator_keeps_a_size() -> None:
-    """RK4's, on the axes of z = λ dt: |1 + z + z²/2 + z³/6 + z⁴/24| is 1, and larger beyond."""
+def test_stability_limits_of_rk4_are_where_its_amplification_is_one() -> None:
+    """On both axes of z = λ dt, |1 + z + z²/2 + z³/6 + z⁴/24| = 1, and is larger beyond."""
     rk4 = INTEGRATORS["RK4"]
-    turning, slowing = rk4.rotation_limit, rk4.friction_limit
-    assert turning is not None
-    assert slowing is not None
-    assert slowing == rk4.servo_limit
-    for z in (1j * turning, -slowing):
+    on_imaginary_axis, on_real_axis = rk4.rotation_limit, rk4.friction_limit
+    assert on_imaginary_axis is not None
+    assert on_real_axis is not None
+    assert on_real_axis == rk4.servo_limit
+    for z in (1j * on_imaginary_axis, -on_real_axis):
         inside, at, beyond = (abs(np.polyval([1 / 24, 1 / 6, 1 / 2, 1, 1], f * z)) for f in FACTORS)
-        assert at == pytest.approx(1, abs=2e-3)  # of four digits; measured 1.1e-3 and 4.4e-4
+        assert at == pytest.approx(
+            1, abs=2e-3
+        )  # measured 1.1e-3 and 4.4e-4: limits have four digits
         assert inside < 1 < beyond

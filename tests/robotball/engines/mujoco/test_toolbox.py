@@ -1,4 +1,4 @@
-"""A robot's own file as it is, in the engine's toolbox: its motion, and what its contact costs."""
+"""An unmodified robot file in the sysid toolbox of MuJoCo: its motion and its contact error."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -32,15 +32,15 @@ solref=".004 1" solimp=".9999 .9999 .001 .5 1"/></contact>"""
 NOISE = {"position": 1e-3, "attitude": 1e-2, "gyro": 2e-2, "plate_angle": 1e-2}
 
 
-def numbers(folder: Path, **given: str) -> RobotNumbers:
-    """The robot with the contact as it comes, or another."""
+def numbers(folder: Path, **parts: str) -> RobotNumbers:
+    """Return the robot with default contact settings, or with the given parts of its file."""
     path = folder / "roller.xml"
-    path.write_text(ROLLER.format(**{"option": "", "contact": ""} | given))
+    path.write_text(ROLLER.format(**{"option": "", "contact": ""} | parts))
     return robot_numbers(path)
 
 
 def log(scene: rb.Scene) -> rb.Log:
-    """What sensors read of a motion by the equations, with noise, and the command."""
+    """Return noisy sensor data of a motion with the equations, and its command."""
     m, rng = rb.integrate(scene, rb.sample_times(1.5)), np.random.default_rng(3)
     noisy = [rng.normal(0.0, size, (len(m.times), 3)) for size in NOISE.values()]
     sensors = (
@@ -52,64 +52,68 @@ def log(scene: rb.Scene) -> rb.Log:
     return rb.Log("run.csv", sensors, {"drive": (m.times[:1], np.array([-4.0]))})
 
 
-def test_the_file_as_it_is_moves_as_the_equations_where_its_contact_is_hard(
+def test_an_unmodified_file_follows_the_equations_only_with_a_hard_contact(
     tmp_path: Path,
 ) -> None:
-    """Torques too; and by the contact as it comes it does not."""
+    """Path, hinge angles, rates and motor torques; not with the default contact."""
     hard, soft = (
-        numbers(tmp_path, **each).scene({}) for each in ({**OPTIONS, "contact": PAIR}, {})
+        numbers(tmp_path, **parts).scene({}) for parts in ({**OPTIONS, "contact": PAIR}, {})
     )
     times = np.array([0.0, 0.1234, 0.4, 0.8])
     truth = rb.integrate(hard, times)
     for scene, least, most in ((hard, 0.0, 2e-3), (soft, 2e-2, np.inf)):
-        seen = toolbox.roll(scene, times)
+        motion = toolbox.roll(scene, times)
         off = max(
-            np.abs(seen.contact_point - truth.contact_point).max(),
-            np.abs(seen.hinge_angles - truth.hinge_angles).max(),
-            np.abs(seen.angular_velocity - truth.angular_velocity).max(),
-            np.abs(seen.loads.motor_torques - truth.loads.motor_torques).max(),
+            np.abs(motion.contact_point - truth.contact_point).max(),
+            np.abs(motion.hinge_angles - truth.hinge_angles).max(),
+            np.abs(motion.angular_velocity - truth.angular_velocity).max(),
+            np.abs(motion.loads.motor_torques - truth.loads.motor_torques).max(),
         )
-        assert least < off < most  # measured 9.6e-4 by the softness, and 0.12 by slip and spin
+        assert (
+            least < off < most
+        )  # measured 9.6e-4, from the softness, and 0.12, from slip and spin
 
 
 @pytest.mark.study
-def test_a_contact_as_it_comes_is_paid_by_the_numbers(tmp_path: Path) -> None:
-    """By the equations a number comes back; by the file as it is, it is off by far more."""
+def test_the_default_contact_biases_fitted_numbers(tmp_path: Path) -> None:
+    """A fit with the equations recovers the number; a fit with the unmodified file does not."""
     robot = numbers(tmp_path)
-    given, free = log(robot.scene({})), ["battery.pos.z"]
+    run_log, free = log(robot.scene({})), ["battery.pos.z"]
     runs: tuple[Mapping[str, Any], ...] = (
         {},
         {"run": toolbox.roll, "minimize": toolbox.least_squares},
     )
-    equations, as_it_is = (fit(robot, [given], free, noise=NOISE, **each) for each in runs)
-    (own,), (other,) = equations.found, as_it_is.found
-    assert abs(own.value + 0.085) < 3 * own.deviation  # measured 0.4 of them
-    assert abs(other.value + 0.085) > 6 * other.deviation  # measured 16
-    assert as_it_is.chi2 > 3 * as_it_is.degrees  # measured 10; the contact slips and spins
+    equations, unmodified = (fit(robot, [run_log], free, noise=NOISE, **run) for run in runs)
+    (recovered,), (biased,) = equations.found, unmodified.found
+    assert abs(recovered.value + 0.085) < 3 * recovered.deviation  # measured 0.4 deviations
+    assert abs(biased.value + 0.085) > 6 * biased.deviation  # measured 16
+    assert unmodified.chi2 > 3 * unmodified.degrees  # measured 10; the contact slips and spins
 
 
-def test_the_toolbox_finds_the_least_squares() -> None:
-    """Of a decay with noise, as scipy does; a limit is kept."""
+def test_the_toolbox_finds_the_same_least_squares_fit_as_scipy() -> None:
+    """For a noisy exponential decay, with and without an active bound."""
     times = np.linspace(0.0, 2.0, 40)
-    seen = 1.5 * np.exp(-0.7 * times) + np.random.default_rng(1).normal(0.0, 0.01, 40)
+    data = 1.5 * np.exp(-0.7 * times) + np.random.default_rng(1).normal(0.0, 0.01, 40)
 
-    def left(x: Array) -> Array:
-        return np.asarray(x[0] * np.exp(-x[1] * times) - seen)
+    def residuals(x: Array) -> Array:
+        return np.asarray(x[0] * np.exp(-x[1] * times) - data)
 
-    def slope(x: Array) -> Array:
+    def jacobian(x: Array) -> Array:
         decay = np.exp(-x[1] * times)
         return np.stack([decay, -x[0] * times * decay], axis=1)
 
-    for most in (np.inf, 0.5):
-        bounds = np.zeros(2), np.array([np.inf, most])
-        ours = toolbox.least_squares(left, np.array([1.0, 0.2]), slope, bounds, max_nfev=30)
-        theirs = least_squares(left, np.array([1.0, 0.2]), slope, bounds)
-        # Measured 7e-7, by where either ends.
+    for bound in (np.inf, 0.5):
+        bounds = np.zeros(2), np.array([np.inf, bound])
+        ours = toolbox.least_squares(residuals, np.array([1.0, 0.2]), jacobian, bounds, max_nfev=30)
+        theirs = least_squares(residuals, np.array([1.0, 0.2]), jacobian, bounds)
+        # Measured 7e-7: the stopping tolerances differ.
         assert np.abs(ours.x - theirs.x).max() < 1e-4
 
 
-def test_a_toolbox_that_is_not_installed_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without what its extra asks for it can be imported, and is empty."""
+def test_a_missing_toolbox_is_reported_with_the_extra_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without its extra, the module of MuJoCo can be imported but is empty."""
     monkeypatch.delattr(toolbox.sysid, "optimize")
     with pytest.raises(rb.InputError, match="install robotball's extra `sysid`"):
         toolbox.check_toolbox()

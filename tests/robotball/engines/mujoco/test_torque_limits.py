@@ -1,4 +1,4 @@
-"""Steps that end where a motor reaches or leaves its torque limit."""
+"""Steps that are split when a motor reaches or leaves its torque limit."""
 
 from dataclasses import replace
 
@@ -18,11 +18,11 @@ STEP, STEPS = 5e-3, 80  # W4's frame reaches its limit of 0.6 N m at 0.308 s
 SCENE = worked("W4")
 
 
-def test_parts_of_a_step_add_up_and_meet_at_the_switch() -> None:
-    """No time is lost, and the law is a billionth beyond the limit there, as it is sought.
+def test_a_step_is_split_exactly_at_the_torque_limit() -> None:
+    """The unlimited torque there exceeds the limit by 1e-9, the target of the search, to 1e-12.
 
-    To 1e-12 of it; a search that ends sooner is 60 times as far off. The law is within its
-    limit at every step before, and beyond it after.
+    A looser search is off by 60 times as much. The torque is within the limit before the switch
+    and beyond it after; the parts add up to the step.
     """
     model = build(SCENE, rb.preset("balanced"))
     limited, command = SCENE.hinges[0].motor, SCENE.drives[0]
@@ -34,7 +34,7 @@ def test_parts_of_a_step_add_up_and_meet_at_the_switch() -> None:
         assert steps is not None
         data = model.start_data()
         for k in range(STEPS):
-            parts = [(part, data.time, wanted(data, law, command)) for part in steps(data, STEP)]
+            parts = [(part, data.time, torque_of(law, data, command)) for part in steps(data, STEP)]
             assert sum(part for part, *_ in parts) == pytest.approx(STEP, rel=1e-14)
             assert data.time == pytest.approx((k + 1) * STEP, rel=1e-13)
             met += [(t, w / limit) for _, t, w in parts[:-1]]
@@ -45,13 +45,13 @@ def test_parts_of_a_step_add_up_and_meet_at_the_switch() -> None:
     assert sides == [k >= int(t / STEP) for k in range(STEPS)]
 
 
-def wanted(data: mujoco.MjData, law: rb.Law, command: rb.robot.drives.Drive) -> float:
+def torque_of(law: rb.Law, data: mujoco.MjData, command: rb.robot.drives.Drive) -> float:
     angle, rate = float(data.qpos[FREE_QPOS]), float(data.qvel[FREE_QVEL])
     return float(law.torque(command.rate(data.time), angle, rate))
 
 
-def test_the_model_is_afterwards_as_it_was() -> None:
-    """Its actuators' gains, biases and limits, which the switches set."""
+def test_a_run_restores_the_actuators_of_the_model() -> None:
+    """Their gains, biases and limits, which change at a switch."""
     compiled = (model := build(SCENE, rb.preset("balanced"))).compiled
     names = ("actuator_gainprm", "actuator_biasprm", "actuator_forcelimited")
     before = [getattr(compiled, name).copy() for name in names]
@@ -66,8 +66,8 @@ def test_the_model_is_afterwards_as_it_was() -> None:
         assert np.array_equal(getattr(compiled, name), old)
 
 
-def test_a_servo_that_diverges_beside_a_torque_limit_is_a_fault() -> None:
-    """The search for a switch meets states that are not finite, which count as beyond it."""
+def test_a_servo_that_diverges_at_a_torque_limit_is_a_fault() -> None:
+    """In the search for the switch, states that are not finite count as beyond the limit."""
     motors = rb.Servo(0.5, torque_limit=0.6), rb.PositionServo(6e4, 0.3)
     settings = replace(rb.preset("fast"), stop_at_fault=False)
     report = rb.simulate(SCENE.with_hinges(motor=motors), settings=settings).report

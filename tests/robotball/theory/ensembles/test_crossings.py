@@ -1,4 +1,4 @@
-"""The compiled search for crossings, against the zeros along a motion that is closely sampled."""
+"""The compiled search for crossings, compared with zeros of a densely sampled motion."""
 
 import numpy as np
 import pytest
@@ -21,13 +21,13 @@ from tests.figures import CHAOTIC, REGULAR, spread_starts
 pytestmark = pytest.mark.core
 
 NORMAL, MIDDLE = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])
-ORBITS, COUNT = LANES + 1, 4  # more than the lanes, so that one takes another when it is done
+ORBITS, COUNT = LANES + 1, 4  # one more than the lanes, so that a lane is reused
 
 
-def found(
+def crossings_of(
     ball: Parameters, attitudes: Array, momenta: Array, direction: int = 0
 ) -> tuple[Array, Integers, Array]:
-    """Times, directions (n, COUNT) and γ (n, COUNT, 3) where γ crosses half of a great circle."""
+    """Return times, directions (n, COUNT) and γ (n, COUNT, 3) at crossings of half a circle."""
     starts = Starts(ball, attitudes, momenta)
     numbers = np.tile([*NORMAL, *MIDDLE], (len(attitudes), 1))
     times, states, directions, number, status = crossings(
@@ -38,13 +38,14 @@ def found(
     return times, directions, rotation_matrix(starts.to_world(states))[..., 2, :]
 
 
-def test_crossings_are_the_zeros_of_a_motion_that_is_closely_sampled() -> None:
-    """All of them, in their order, with their directions; on the circle's other half there is none.
+def test_crossings_are_the_zeros_of_a_densely_sampled_motion() -> None:
+    """All zeros, in order, with their directions, on one half of the circle.
 
-    By cubics between samples that are 2 ms apart. Measured 4e-14 of γ's distance from the circle.
+    The zeros are from cubics between samples 2 ms apart. Measured distance of γ from the circle:
+    4e-14.
     """
     attitudes, momenta = spread_starts(3, ORBITS, g=1.0)
-    times, directions, gamma = found(CHAOTIC, attitudes, momenta)
+    times, directions, gamma = crossings_of(CHAOTIC, attitudes, momenta)
     assert np.abs(gamma @ NORMAL).max() < 2e-13
     assert (gamma @ MIDDLE).min() > 0
     samples = np.arange(0.0, times.max() + 0.01, 2e-3)
@@ -61,23 +62,23 @@ def test_crossings_are_the_zeros_of_a_motion_that_is_closely_sampled() -> None:
         assert np.sign(value(zeros, 1)).tolist() == directions[i].tolist()
 
 
-def test_one_direction_is_every_other_crossing() -> None:
-    """Of a circle that is crossed to and fro; the other direction has the rest."""
+def test_the_crossings_in_each_direction_make_up_all_crossings() -> None:
+    """The circle is crossed in both directions, alternately."""
     attitudes, momenta = spread_starts(5, ORBITS, g=1.0)
-    both, directions, _ = found(REGULAR, attitudes, momenta)
+    both, directions, _ = crossings_of(REGULAR, attitudes, momenta)
     for direction in (1, -1):
-        alone, own, _ = found(REGULAR, attitudes, momenta, direction)
-        assert (own == direction).all()
+        alone, own_directions, _ = crossings_of(REGULAR, attitudes, momenta, direction)
+        assert (own_directions == direction).all()
         for i in range(ORBITS):
             expected = both[i][directions[i] == direction]
             assert np.abs(alone[i][: len(expected)] - expected).max(initial=0.0) < 1e-12
     assert {*np.unique(directions)} == {1, -1}
 
 
-def test_what_is_beyond_the_horizon_is_not_found() -> None:
-    """A motion's crossings up to there are those of a longer look; the rest is NaN."""
+def test_the_search_stops_at_the_horizon() -> None:
+    """Crossings up to the horizon equal the crossings of a longer search; the rest is NaN."""
     attitudes, momenta = spread_starts(3, ORBITS, g=1.0)
-    whole = found(REGULAR, attitudes, momenta)[0]
+    whole = crossings_of(REGULAR, attitudes, momenta)[0]
     horizon = float(np.median(whole[:, -1]))
     starts = Starts(REGULAR, attitudes, momenta)
     numbers = np.tile([*NORMAL, *MIDDLE], (ORBITS, 1))
@@ -85,7 +86,7 @@ def test_what_is_beyond_the_horizon_is_not_found() -> None:
     assert (status[number < COUNT] == TOO_MANY_STEPS).all()
     assert 0 < (number < COUNT).sum() < ORBITS
     for i in range(ORBITS):
-        # The step that passes the horizon may find one behind it.
+        # The last step may pass the horizon and find a crossing beyond it.
         assert number[i] >= (whole[i] < horizon).sum()
         assert np.abs(times[i, : number[i]] - whole[i, : number[i]]).max(initial=0.0) < 1e-12
         assert np.isnan(times[i, number[i] :]).all()

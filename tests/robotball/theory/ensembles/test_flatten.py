@@ -1,4 +1,4 @@
-"""Code that is traced from functions, and dual numbers, compute what the functions do."""
+"""Traced code and dual numbers reproduce the functions that they come from."""
 
 import inspect
 import os
@@ -18,25 +18,25 @@ pytestmark = pytest.mark.core
 
 
 def sample(x: Any, y: Any) -> tuple[Any, Any]:
-    """Every operation that functions of symbols and of dual numbers may use."""
+    """Use every operation that tracing and dual numbers support."""
     z = (x - 2) * y / (1 + x * y) - x * y / 2 + 0 * x
     return -z + (3 - x) * (2 / y - x), 1 * y + 0
 
 
-def test_traced_code_and_dual_numbers_are_the_function_and_its_derivative() -> None:
-    """A function, the code traced from it, and its slope by central differences.
+def test_traced_code_and_dual_numbers_give_the_function_and_its_derivative() -> None:
+    """Compared with the function and with its central differences.
 
-    The products of the code are commuted. Measured 4.5e-11 of the slope, the difference's rounding.
+    Traced products are commuted. Measured 4.5e-11 in the derivative: rounding of the difference.
     """
     tape = Tape()
     for row, result in enumerate(sample(tape.read(0), tape.read(1)), start=2):
         tape.write(row, result)
     w = np.linspace(0.5, 3.0, 4 * LANES)
     numba.njit(lane_function("compute", tape, LANES))(w)
-    x, y, *found = w.reshape(4, LANES)
+    x, y, *traced = w.reshape(4, LANES)
     expected = sample(x, y)
-    assert np.abs(found[0] - expected[0]).max() < 1e-15
-    assert np.array_equal(found[1], expected[1])
+    assert np.abs(traced[0] - expected[0]).max() < 1e-15
+    assert np.array_equal(traced[1], expected[1])
     moving = sample(Dual(x, 0.6), Dual(y, -0.8))
     for i in range(2):
         ahead, behind = (sample(x + h * 0.6, y - h * 0.8)[i] for h in (1e-5, -1e-5))
@@ -44,17 +44,17 @@ def test_traced_code_and_dual_numbers_are_the_function_and_its_derivative() -> N
         assert np.abs(moving[i].slope - (ahead - behind) / 2e-5).max() < 2e-10
 
 
-def test_the_source_of_a_lane_function_is_where_it_says() -> None:
-    """numba reads it there, and since Python 3.13 an error is raised if there is no such text."""
+def test_the_source_of_a_lane_function_can_be_read() -> None:
+    """numba reads it from the given file; since Python 3.13 a missing source is an error."""
     function = lane_function("with_a_source", Tape(), LANES)
     assert inspect.getsourcefile(function) == flatten.__file__
     assert inspect.getsource(function).split()[:2] == ["def", "in_every_lane(w:"]
 
 
 def test_each_lane_function_runs_its_own_tape(tmp_path: Path) -> None:
-    """Of two tapes and two numbers of lanes, compiled, and loaded from numba's cache.
+    """Two tapes and two lane counts, compiled and then loaded from the cache of numba.
 
-    A name belongs to one tape, as the compiled code has nothing else to tell tapes apart.
+    A name belongs to one tape, because the cache distinguishes tapes only by name.
     """
     script = """
 import sys

@@ -1,4 +1,4 @@
-"""Compiled motions: their agreement with others, their invariants, their safety."""
+"""Compiled orbits: agreement with `integrate`, invariants and refusals."""
 
 import subprocess
 import sys
@@ -33,11 +33,11 @@ some_starts = partial(spread_starts, 7, g=1.0)
 
 
 @pytest.mark.parametrize("name", FOUR)
-def test_a_scene_moves_as_by_integrate(name: str) -> None:
-    """One orbit, closely sampled, is `integrate`'s motion, and one of many orbits is that orbit.
+def test_an_orbit_agrees_with_integrate(name: str) -> None:
+    """Computed alone, and as one of many.
 
-    γ 2.2e-12 and path 4.3e-12 m, the difference of two tolerances; the lanes 2e-14, for they take
-    the same steps.
+    Measured 2.2e-12 in γ and 4.3e-12 m in the path, the difference of two tolerances; 2e-14 between
+    the two orbits, which take the same steps.
     """
     scene = rb.load_scene(name)
     parameters, attitudes, momenta = kernel_start(scene)
@@ -56,10 +56,10 @@ def test_a_scene_moves_as_by_integrate(name: str) -> None:
 
 
 @pytest.mark.parametrize(("ball", "c"), BALLS)
-def test_invariants_are_kept_to_rounding(ball: Parameters, c: float) -> None:
-    """γ², M² and (M, γ) after 3e4 s: measured 7e-16, for only the rotation is integrated.
+def test_invariants_are_conserved_to_rounding(ball: Parameters, c: float) -> None:
+    """γ², M² and (M, γ) after 3e4 s: measured 7e-16, because only the rotation is integrated.
 
-    |ω| stays below the bound that the step limits rest on, and comes within a factor 10.
+    |ω| stays below the bound used for the step limits, within a factor of 10.
     """
     attitudes, momenta = some_starts(8, c)
     end = orbits(ball, attitudes, momenta, np.array([0.0, 3e4]), 1e-8).attitudes[:, 1]
@@ -76,11 +76,11 @@ def test_invariants_are_kept_to_rounding(ball: Parameters, c: float) -> None:
 # Safety ------------------------------------------------------------------------------------
 
 
-def test_an_orbit_that_is_given_up_holds_up_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Past its step limit, or with a step that shrank to nothing, an orbit ends; the rest go on."""
+def test_an_orbit_that_fails_does_not_stop_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An orbit ends at its step limit, or if its step length vanishes."""
     attitudes, momenta = some_starts(20)
     slow = momenta.copy()
-    slow[3] *= 1e5  # turns 1e5 times as fast as what the limit is made for
+    slow[3] *= 1e5  # rotates 1e5 times as fast as the limit assumes
     with monkeypatch.context() as limited:
         limited.setattr(Starts, "step_limit", lambda self, duration: 500)
         runs = orbits(REGULAR, attitudes, slow, np.array([0.0, 10.0]), 1e-9)
@@ -107,13 +107,13 @@ def test_an_orbit_that_is_given_up_holds_up_no_other(monkeypatch: pytest.MonkeyP
 def test_unusable_starts_are_refused(
     attitudes: Array, momenta: Array, times: list[float], message: str
 ) -> None:
-    """Each with a line that says what is wrong."""
+    """The error names the invalid property."""
     with pytest.raises(InputError, match=message):
         orbits(REGULAR, attitudes, momenta, np.array(times))
 
 
-def test_a_momentum_counts_as_horizontal_up_to_a_billionth_of_it() -> None:
-    """Less is rounding and is let pass; twice as much is refused, of either sign."""
+def test_a_momentum_is_horizontal_up_to_a_billionth() -> None:
+    """Half of that passes as rounding; twice as much is refused, with either sign."""
     attitudes, times = np.eye(4)[:1], np.array([0.0, 1e-3])
     for sign in (2.0, -2.0):
         orbits(REGULAR, attitudes, np.array([[2.0, 0.0, 0.5e-9 * sign]]), times)
@@ -122,7 +122,7 @@ def test_a_momentum_counts_as_horizontal_up_to_a_billionth_of_it() -> None:
 
 
 def test_a_ball_at_rest_stays() -> None:
-    """With M, Ω and K zero nothing moves, and no step length is divided by zero."""
+    """Zero M, Ω and K do not lead to a division by zero."""
     still = replace(REGULAR, Omega=(0.0, 0.0, 0.0), K=(0.0, 0.0, 0.0))
     run = orbits(still, np.eye(4)[:1], np.zeros((1, 3)), np.array([0.0, 1e6]))
     assert np.array_equal(run.attitudes[0, 1], [1.0, 0, 0, 0])
@@ -130,13 +130,13 @@ def test_a_ball_at_rest_stays() -> None:
 
 
 def test_the_compiled_stepper_loads_from_its_cache() -> None:
-    """After one process the next compiles nothing: step and loops come from the cache, in 0.4 s."""
+    """A second process compiles neither the step nor the loops; loading takes 0.4 s."""
     code = (
         "from robotball.theory.ensembles import orbits, steppers\n"
         "step = steppers.stepper(steppers.PATH, 'rubber', orbits.FEW)\n"
         "compiled = [step, orbits.march_lanes.code, orbits.follow.code]\n"
-        "print(sum(each.stats.cache_misses.total() for each in compiled))"
+        "print(sum(function.stats.cache_misses.total() for function in compiled))"
     )
-    # Not this process is the first: what it has may be in the cache of another test.
+    # This process cannot be the first: another test may have changed its cache folder.
     missed = [int(subprocess.check_output([sys.executable, "-c", code])) for _ in range(2)]
     assert missed[1] == 0

@@ -42,17 +42,18 @@ def test_the_step_and_its_estimate_are_of_order_9() -> None:
 def test_verners_numbers_satisfy_the_conditions_of_their_order(
     weights: tuple[float, ...], order: int
 ) -> None:
-    """Quadrature of every power below the order, and no other; and the stages' own: to rounding.
+    """Quadrature of exactly the powers below the order, and the conditions on the stages.
 
-    In fractions, so that what is left is the rounding of the numbers, and of no sum.
+    Evaluated in fractions, so only the rounding of the coefficients remains.
     """
     rows = [(*row, *[0.0] * (16 - len(row))) for row in ((), *STAGES)]
-    A = np.array([[Fraction(each) for each in row] for row in rows])
-    c, b = A.sum(axis=1), np.array([Fraction(each) for each in weights])
+    A = np.array([[Fraction(number) for number in row] for row in rows])
+    c, b = A.sum(axis=1), np.array([Fraction(number) for number in weights])
     gaps = np.array([b @ c**k - Fraction(1, k + 1) for k in range(order + 1)])
     assert np.abs(gaps[:-1]).max() < 2e-15  # 1.3e-15
     assert abs(gaps[-1]) > 1e-6
-    # Stages: order 2 from the third on, order 3 from the fourth; those of less have no weight.
+    # Stages: order 2 from the third on, order 3 from the fourth; stages of lower order have no
+    # weight.
     assert np.abs((A @ c - c**2 / 2)[2:]).max() < 5e-15  # 3.3e-15
     assert np.abs((A @ c**2 - c**3 / 3)[3:]).max() < 6e-15  # 4.8e-15
     assert np.abs(b[1:3]).max() == 0

@@ -1,8 +1,8 @@
-"""A second form of ideal rolling: accelerations, with a row of multipliers for each constraint.
+"""Ideal rolling by accelerations, with a Lagrange multiplier for each constraint.
 
-MuJoCo's mass matrix and bias of the tree, whose links come depth first, and explicit rows for the
-point of contact, for the spin and for every hinge whose rate is given. It shares no formula with
-robotball.robot.mechanics: its coordinates are those of the shell, about its centre.
+Mass matrix and bias come from MuJoCo, with the links in depth-first order. Explicit constraint rows
+hold the contact point, the spin and every hinge with a prescribed rate. It shares no formula with
+robotball.robot.mechanics: its coordinates are the position and attitude of the shell.
 """
 
 from itertools import pairwise
@@ -44,7 +44,7 @@ class Loads(NamedTuple):
 
 
 class SecondForm:
-    """The scene's robot in MuJoCo's coordinates: qpos, and qvel with ω in the shell's axes."""
+    """The robot in MuJoCo coordinates: qpos, and qvel with ω in shell axes."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.hinges = scene, scene.hinges
@@ -68,7 +68,7 @@ class SecondForm:
         self.data = mujoco.MjData(self.model)
 
     def start(self) -> tuple[Array, Array]:
-        """qpos and qvel at the scene's start; at an angle 0 the shell's axes are the frame's."""
+        """Return qpos and qvel at the start; shell and frame axes coincide at angle 0."""
         scene, q, v = self.scene, np.zeros(self.model.nq), np.zeros(self.model.nv)
         q[7:], v[6:] = np.array([(hinge.angle, hinge.rate) for hinge in self.hinges]).T
         angle, rate = (q[7], v[6]) if scene.ball.has_frame else (0.0, 0.0)
@@ -82,7 +82,7 @@ class SecondForm:
         return q, v
 
     def dynamics(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """The mass matrix (nv, nv) and the bias (nv,), with gravity's."""
+        """Return the mass matrix (nv, nv) and the bias (nv,), including gravity."""
         self.data.qpos[:], self.data.qvel[:] = q, v
         mujoco.mj_forward(self.model, self.data)
         M = np.zeros((len(v), len(v)))
@@ -90,42 +90,42 @@ class SecondForm:
         return M, self.data.qfrc_bias.copy()
 
     def loads(self, t: float, q: Array, v: Array) -> Loads:
-        """Return the loads of the constraints in a state."""
+        """Return accelerations and constraint loads in a state."""
         M, bias = self.dynamics(q, v)
         nv, right, R = len(v), -bias, rotation_matrix(q[3:7] / np.linalg.norm(q[3:7]))
         spin_free = self.scene.rolling == "rubber"
-        given = [i for i, hinge in enumerate(self.hinges) if hinge.motor is None]
-        J = np.zeros((3 + spin_free + len(given), nv))
+        prescribed = [i for i, hinge in enumerate(self.hinges) if hinge.motor is None]
+        J = np.zeros((3 + spin_free + len(prescribed), nv))
         values = np.zeros(len(J))
-        # v - a ω×ẑ is the plane's velocity in space, where ω = Rω' has the rate Rω̇' and
-        # ω×ẑ = (ω_y, -ω_x, 0). Gravity stays as it is.
-        values[:3] = [each.rate(t) for each in self.scene.plane_drives]
+        # v - a ω×ẑ is the velocity of the plane in space. ω = Rω' has the rate Rω̇', and
+        # ω×ẑ = (ω_y, -ω_x, 0). Gravity does not change.
+        values[:3] = [drive.rate(t) for drive in self.scene.plane_drives]
         J[:3, :3] = np.eye(3)
         J[:3, 3:6] = -self.scene.ball.radius * np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 0]]) @ R
         if spin_free:
             J[3, 3:6] = R[2]
-        for row, i in enumerate(given, start=3 + spin_free):
+        for row, i in enumerate(prescribed, start=3 + spin_free):
             J[row, 6 + i] = 1.0
             values[row] = self.hinges[i].command.acceleration(t)
         torques = np.zeros(len(self.hinges))
         for i, hinge in enumerate(self.hinges):
             if hinge.motor is not None:
                 torques[i] = hinge.motor.law.torque(hinge.command.rate(t), q[7 + i], v[6 + i])
-        for each, command in zip(self.scene.actuators, self.scene.controls, strict=True):
-            gears = np.array([dict(each.gears).get(hinge.name, 0.0) for hinge in self.hinges])
-            torques += gears * each.law.torque(command.rate(t), gears @ q[7:], gears @ v[6:])
+        for actuator, command in zip(self.scene.actuators, self.scene.controls, strict=True):
+            gears = np.array([dict(actuator.gears).get(hinge.name, 0.0) for hinge in self.hinges])
+            torques += gears * actuator.law.torque(command.rate(t), gears @ q[7:], gears @ v[6:])
         right[6:] += torques
         whole = np.block([[M, -J.T], [J, np.zeros((len(J), len(J)))]])
-        found = np.linalg.solve(whole, np.concatenate([right, values]))
-        torques[given] = found[nv + 3 + spin_free :]
-        return Loads(
-            found[:nv], found[nv : nv + 3], float(found[nv + 3]) if spin_free else 0.0, torques
-        )
+        solution = np.linalg.solve(whole, np.concatenate([right, values]))
+        multipliers = solution[nv:]
+        torques[prescribed] = multipliers[3 + spin_free :]
+        spin_torque = float(multipliers[3]) if spin_free else 0.0
+        return Loads(solution[:nv], multipliers[:3], spin_torque, torques)
 
     def end(self, duration: float, switches: list[float]) -> tuple[Array, Array]:
-        """qpos and qvel after a time [s], by accelerations.
+        """Return qpos and qvel after `duration` [s].
 
-        switches: the times of torque limits, where the integration begins anew [s].
+        The integration restarts at `switches` [s], the times at which torque limits are reached.
         """
         nq = self.model.nq
 

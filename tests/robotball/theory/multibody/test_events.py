@@ -1,4 +1,4 @@
-"""Events that end a smooth piece of a motion: resistance that holds the shell, lift-off."""
+"""Events that end a smooth piece of a motion: the shell stops or lifts off."""
 
 from dataclasses import replace
 from typing import Any
@@ -25,7 +25,7 @@ TIMES = np.linspace(0.0, 10.0, 101)
 
 
 def round_ball(rolling: Any, omega: Any, **more: Any) -> Scene:
-    """A ball whose every axis is principal, with the same moment, on a plane that resists."""
+    """A ball with isotropic inertia on a plane with resistance to rolling."""
     ball = Ball(Shell(RADIUS, 1.0, 0.05, 0.05, Y), (Hinge(Frame(1.0, 0.04 * np.eye(3))),))
     friction = Friction(rolling=RESISTANCE)
     attitude = (1.0, 0.3, 0.2, -0.1)
@@ -33,10 +33,10 @@ def round_ball(rolling: Any, omega: Any, **more: Any) -> Scene:
 
 
 @pytest.mark.parametrize("rolling", ["rubber", "classical"])
-def test_resistance_stops_a_ball_after_its_way(rolling: Any) -> None:
-    """ω₀²a/2α in a straight line, evenly slower, and then it stands; a classical one spins on.
+def test_resistance_decelerates_a_ball_uniformly_to_rest(rolling: Any) -> None:
+    """It stops after a distance a ω₀²/2α; a classical ball keeps spinning about the vertical.
 
-    Measured 6e-15 m and 1.3e-14 rad/s, and M of its rolling 1e-19 kg m²/s once it stands.
+    Measured 6e-15 m, 1.3e-14 rad/s, and a horizontal M of 1e-19 kg m²/s after the stop.
     """
     motion = integrate(round_ball(rolling, (1.0, -0.5, 0.3)), TIMES)
     shell = motion.angular_velocity
@@ -54,8 +54,8 @@ def test_resistance_stops_a_ball_after_its_way(rolling: Any) -> None:
 
 
 @pytest.mark.parametrize("slope", [0.9, 1.2])
-def test_a_ball_rolls_off_where_the_plane_is_steep_enough(slope: float) -> None:
-    """From rest: it stands where tan of the slope is below resistance/radius, and rolls above.
+def test_a_ball_starts_to_roll_on_a_slope_steeper_than_its_resistance(slope: float) -> None:
+    """From rest it stays put below tan(slope) = resistance/radius, and rolls above.
 
     Measured 6e-14 m.
     """
@@ -68,10 +68,10 @@ def test_a_ball_rolls_off_where_the_plane_is_steep_enough(slope: float) -> None:
     assert np.abs(motion.contact_point - way).max() < 1e-12
 
 
-def test_energy_is_lost_to_the_plane_alone() -> None:
-    """W4's robot on a plane that resists, standing and rolling in turns.
+def test_the_energy_loss_is_the_work_of_the_resistance() -> None:
+    """W4 on a plane with resistance to rolling, alternately at rest and rolling.
 
-    Measured 1.2e-14 J, of 5 J that are lost.
+    Measured 1.2e-14 J, of 5 J lost.
     """
     scene = replace(worked("W4"), friction=Friction(rolling=0.005))
     motion = integrate(scene, TIMES[:51])
@@ -83,28 +83,30 @@ def test_energy_is_lost_to_the_plane_alone() -> None:
     assert (np.diff(motion.rolling_loss) >= -1e-15).all()
 
 
-def test_a_ball_that_a_growing_load_sets_rolling_is_no_stiff_one() -> None:
-    """Held at rest until a frame that swings ever faster takes it along.
+def test_a_held_ball_that_starts_to_roll_does_not_make_the_equations_stiff() -> None:
+    """The ball is held at rest until a frame that swings faster and faster moves it.
 
-    Measured 1e-17 m while it is held and 5e-5 m at 1.3 s. With resistance against the rolling
-    alone, however slow it is, 20000 steps reach 1.162 s.
+    Measured 1e-17 m while held, and 5e-5 m at 1.3 s. Without an event for rest, 20000 steps reach
+    only 1.162 s.
     """
     swinging = Sine(amplitude=20.0, frequency=0.3)
     ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), (Hinge(Frame(0.5, 0.002 * np.eye(3))),))
     scene = robot(
-        "swinging", ball, "classical", [swinging], (1.0, 0.3, 0.2, 0.1),
-        gravity_direction=(np.sin(0.01), 0.0, -np.cos(0.01)), friction=Friction(rolling=0.004),
-    )  # fmt: skip
+        "swinging",
+        ball,
+        "classical",
+        [swinging],
+        (1.0, 0.3, 0.2, 0.1),
+        gravity_direction=(np.sin(0.01), 0.0, -np.cos(0.01)),
+        friction=Friction(rolling=0.004),
+    )
     motion = integrate(scene, np.array([0.0, 1.1, 1.3]), max_steps=20_000)
     assert np.abs(motion.contact_point[1]).max() < 1e-15
     assert np.linalg.norm(motion.contact_point[2]) > 1e-5
 
 
-def test_what_cannot_be_followed_is_refused() -> None:
-    """A heavy frame that is spun up lifts the ball off, where F_z = 0 and not later.
-
-    Motors that settle at 1.2e7 1/s are refused before the run; slower ones run.
-    """
+def test_lift_off_and_stiff_motors_are_refused() -> None:
+    """Lift-off ends the motion at F_z = 0; motors with a rate of 1.2e7 1/s never start."""
     with pytest.raises(InputError, match=naming("plane 0.…~s")):
         integrate(worked("W2").with_hinges(command=[-40.0]))
     ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), (Hinge(Frame(0.5, 4e-5 * np.eye(3))),))
@@ -112,17 +114,14 @@ def test_what_cannot_be_followed_is_refused() -> None:
         robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(gain),))
         for gain in (500.0, 0.5)
     )
-    with pytest.raises(
-        InputError,
-        match=naming("1.25e+07~1/s 10~s"),
-    ):
+    with pytest.raises(InputError, match=naming("1.25e+07~1/s 10~s")):
         integrate(stiff)
     assert np.isfinite(integrate(soft, np.array([0.0, 0.01])).contact_point).all()
 
 
 @pytest.mark.parametrize("name", ["frame.kv", "frame.torque_limit", "friction.rolling"])
-def test_neighbours_differ_as_their_numbers_say_across_events(name: str) -> None:
-    """A robot that stands, is let go and reaches its torque limit, against central differences."""
+def test_motions_integrated_together_differ_smoothly_across_events(name: str) -> None:
+    """Their difference is the derivative, through rest, release and a torque limit."""
     numbers = numbers_of("pendulum_robot")
     values = {"frame.kv": 0.4, "frame.torque_limit": 0.15, "friction.rolling": 2e-3}
     times, small = np.linspace(0.0, 3.0, 31), 1e-6
@@ -134,5 +133,5 @@ def test_neighbours_differ_as_their_numbers_say_across_events(name: str) -> None
     slope = (both[0] - both[1]) / 2e-4
     first, second = integrate_together([scene(0.0), scene(small)], times, 1e-7)
     error = (second.contact_point - first.contact_point) / small - slope
-    # Measured 1.5e-4, of the steps; each by its own steps would err by 0.3 of kv's.
+    # Measured 1.5e-4: error of the steps. Integrated separately, the error for kv would be 0.3.
     assert np.abs(error).max() < 1e-3 * np.abs(slope).max()

@@ -1,4 +1,4 @@
-"""Any robot's equations against two others: Newton and Euler's, and the reduced ones."""
+"""The equations of any robot, compared with Newton-Euler and with the reduced equations."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ RATES = ("angular_velocity", "hinge_angles", "hinge_rates")
 
 
 def off_by(form: SecondForm, scene: rb.Scene) -> list[float]:
-    """The largest difference at the start and after some time, loads as parts of the weight."""
+    """Return the largest difference at the start and at the end; loads relative to the weight."""
     march = March(System(scene), 1e-15, SECONDS, 10_000)
     states, numbers = march.run(np.array([0.0, SECONDS]))
     readings = readings_of(numbers, len(scene.hinges))
@@ -43,11 +43,11 @@ def off_by(form: SecondForm, scene: rb.Scene) -> list[float]:
     return worst
 
 
-def test_random_robots_move_and_load_the_plane_as_newton_and_euler_say() -> None:
+def test_random_robots_obey_the_newton_euler_equations() -> None:
     """Contact point, hinges, force, spin and motor torques, at the start and after 0.3 s.
 
-    Rounding at the start, measured 3e-15; then both integrators' errors, 3.2e-12 rad/s of a hinge.
-    With the pendulum's pivot on the other side they differ by more than 1e-3.
+    Measured 3e-15 at the start, rounding, then 3.2e-12 rad/s of a hinge, from both integrators.
+    A pendulum pivot on the opposite side changes the results by more than 1e-3.
     """
     rng, seen_wrong = np.random.default_rng(8), False
     for _ in range(12):
@@ -63,11 +63,11 @@ def test_random_robots_move_and_load_the_plane_as_newton_and_euler_say() -> None
 
 
 @pytest.mark.parametrize("framed", [True, False])
-def test_trees_three_deep_move_and_load_the_plane_as_newton_and_euler_say(framed: bool) -> None:
-    """Hinges, a slide, a shell that is not symmetric, gears on two joints, a limit, dry friction.
+def test_trees_of_depth_three_obey_the_newton_euler_equations(framed: bool) -> None:
+    """Hinges, a slide, an asymmetric shell, an actuator on two joints, a limit, dry friction.
 
-    Measured 1.4e-15 at the start, then 2.1e-12, by another processor's kernels 8.8e-12: rounding,
-    which grows on the way. A slide that is taken for a hinge differs.
+    Measured 1.4e-15 at the start, then 2.1e-12, or 8.8e-12 on another processor: growing rounding.
+    A hinge in place of the slide differs.
     """
     rng = np.random.default_rng(3)
     for _ in range(3):
@@ -85,7 +85,7 @@ def test_trees_three_deep_move_and_load_the_plane_as_newton_and_euler_say(framed
 
 
 def differences(one: rb.Motion, other: rb.Motion) -> dict[str, float]:
-    """The largest differences of two motions, their hinges and their loads."""
+    """Return the largest difference of each quantity of two motions."""
     pairs = {name: (getattr(one, name), getattr(other, name)) for name in RATES}
     pairs |= {name: (getattr(one.loads, name), right) for name, right in vars(other.loads).items()}
     return {
@@ -109,22 +109,22 @@ def growths(scene: rb.Scene, theory: rb.Motion) -> dict[str, float]:
         replace(start, attitude=multiply(np.eye(4)[0] + turn, start.attitude)) for turn in turns
     ]
     grown = [
-        differences(rb.integrate(replace(scene, start=each), theory.times), theory)
-        for each in starts
+        differences(rb.integrate(replace(scene, start=item), theory.times), theory)
+        for item in starts
     ]
-    return {name: max(each[name] for each in grown) / near for name in grown[0]}
+    return {name: max(item[name] for item in grown) / near for name in grown[0]}
 
 
 @pytest.mark.parametrize(
     "name", [name for name in rb.catalog() if not rb.load_scene(name).not_reduced]
 )
-def test_a_balanced_ball_rolls_as_by_the_reduced_equations(name: str) -> None:
-    """In path, attitude and M, with drives in time; so do its hinges and its loads.
+def test_a_balanced_ball_follows_the_reduced_equations(name: str) -> None:
+    """Path, attitude, M, hinges and loads.
 
-    Errors of the steps add up at random, to four standard deviations here, and grow as the distance
-    of two near balls does. Eight roundings come on top, of the largest terms: those of a fast rotor
-    are up to 1300 N m in loads of 10 N m, where they cancel. Measured up to 0.54 of the bound by
-    any processor, in the frame's rate; the bound is at most 9.1e-12, of a contact force.
+    Errors of the steps add up at random, here to four standard deviations, and grow like the
+    distance between two neighbouring motions. Eight roundings of the largest terms are added: the
+    terms of a fast rotor reach 1300 N m and cancel in loads of 10 N m. Measured up to 0.54 of the
+    bound on any processor, in the frame rate; the bound is at most 9.1e-12, for a contact force.
     """
     scene, times = rb.load_scene(name), np.linspace(0.0, 3.0, 16)
     theory = rb.integrate(scene, times)
@@ -138,7 +138,7 @@ def test_a_balanced_ball_rolls_as_by_the_reduced_equations(name: str) -> None:
     units = dict.fromkeys(vars(theory.loads), of_loads)
     units |= {name: np.abs(getattr(theory, name)).max(initial=0.0) for name in RATES}
     ours, grown = differences(motion, theory), growths(scene, theory)
-    for each, off in ours.items():
+    for quantity, difference in ours.items():
         at_random = 4 * LEAST_RTOL * np.sqrt(march.steps)
-        bound = at_random * grown[each] + 8 * EPS * units.get(each, 1.0)
-        assert off <= bound < 2e-11, each
+        bound = at_random * grown[quantity] + 8 * EPS * units.get(quantity, 1.0)
+        assert difference <= bound < 2e-11, quantity

@@ -1,4 +1,4 @@
-"""What the equations of any robot read of a state: torques, by the work that they do."""
+"""Readings of a state in the equations of any robot: torques, checked with their work."""
 
 import numpy as np
 import pytest
@@ -20,10 +20,10 @@ def gain(values: Array, step: float) -> Array:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_a_motor_gives_is_what_its_torque_does_at_its_rate(name: str) -> None:
-    """Of motors and of hinges whose rates are prescribed; together they are what energy gains.
+def test_motor_power_is_torque_times_rate_and_adds_up_to_the_energy_gain(name: str) -> None:
+    """For motors and for hinges with prescribed rates.
 
-    By differences over 0.1 ms: measured 1e-5 of the largest power, their error.
+    Measured 1e-5 of the largest power, the error of differences over 0.1 ms.
     """
     step = 1e-4
     motion = rb.integrate(SCENES[name], np.arange(0.0, 0.2, step))

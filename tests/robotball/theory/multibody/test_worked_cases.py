@@ -53,7 +53,7 @@ def test_a_stronger_motor_ends_elsewhere() -> None:
 def test_energy_less_work_is_constant(name: str) -> None:
     """T + V - Σ∫τφ̇dt over 10 s. Measured 2.4e-13 J for W1, of 30 J, and 1.2e-13 for the others.
 
-    A scene whose motors' work is left out is no such thing: 0.5 J and more.
+    Without the work of the motors the energy changes by 0.5 J and more.
     """
     motion = motion_of(name)
     assert motion.motor_work is not None
@@ -62,7 +62,7 @@ def test_energy_less_work_is_constant(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_motion_tells_its_own_error(name: str) -> None:
+def test_a_motion_estimates_its_error(name: str) -> None:
     """The estimate at a loose tolerance is the path's true error within a factor of ten.
 
     W4's falls with the tolerance, switches and all: measured 1.1e-8 at 1e-9 and 2e-10 at 1e-11.

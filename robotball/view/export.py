@@ -1,11 +1,10 @@
-"""Export a scene for other simulators: a folder with JSON, MJCF, URDF, SDF and conventions.
+"""Export a scene for other simulators: a folder with JSON, MJCF, URDF and conventions.
 
 The JSON has all numbers that a model needs. The MJCF has bodies, hinges, contact and start, without
-settings for an engine; URDF and SDF have bodies and hinges.
+settings for an engine; the URDF has bodies and hinges.
 """
 
 import contextlib
-from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -14,7 +13,6 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import msgspec
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robotball.engines.equations import integrate, scene_of
 from robotball.engines.states import links_of
@@ -37,11 +35,8 @@ _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 
 # Unit of a hinge's command by motor type; all other motors take a torque.
 _COMMANDED = {type(None) | Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
 _MARGIN = 1.5  # friction over the needed one: contacts of other engines must not slip at the peak
-# URDF and SDF require joint limits; these are too large to have an effect.
-_FASTEST, _STRONGEST, _FARTHEST, _BOUNDLESS = "1e6", "1e9", "1e6", "1e16"
-# The newest version with gravity where DART looks for it; other engines read it, too. It has no
-# joint type `continuous`, so joints have infinite limits.
-_SDF_VERSION = "1.5"
+# URDF requires joint limits; these are too large to have an effect.
+_FASTEST, _STRONGEST, _FARTHEST = "1e6", "1e9", "1e6"
 _README = "README.md"
 
 
@@ -80,7 +75,7 @@ def export_scene(scene: Scene | str | Path, folder: str | Path, times: Times = N
     """Write a scene for other simulators into a folder.
 
     Writes scene.json, scene.toml if possible, drives.csv and reference.csv at the sample times,
-    model.xml (MJCF), model.urdf, model.sdf and README.md.
+    model.xml (MJCF), model.urdf and README.md.
 
     Parameters
     ----------
@@ -107,7 +102,7 @@ def export_scene(scene: Scene | str | Path, folder: str | Path, times: Times = N
     >>> import robotball as rb
     >>> files = rb.export_scene("fig12", "fig12", 0.5)
     >>> print(*(file.name for file in files))
-    README.md drives.csv model.sdf model.urdf model.xml reference.csv scene.json scene.toml
+    README.md drives.csv model.urdf model.xml reference.csv scene.json scene.toml
     """
     scene, folder = scene_of(scene), as_path("the folder", folder)
     scene.check_open("an export")
@@ -117,7 +112,6 @@ def export_scene(scene: Scene | str | Path, folder: str | Path, times: Times = N
         "scene.json": json_text(_plain(motion), indent=1),
         "model.xml": _mjcf(motion),
         "model.urdf": _urdf(scene),
-        "model.sdf": _sdf(motion),
         _README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
     }
     with contextlib.suppress(InputError):  # for a rate given as a function; drives.csv has it
@@ -337,77 +331,8 @@ def _urdf(scene: Scene) -> str:
     return _xml_text(root)
 
 
-def _sdf(motion: Motion) -> str:
-    """Return the SDF world of a motion's scene with its initial pose.
-
-    SDF has no velocities; hinges are at angle 0, and their rates are left to the user.
-    """
-    scene = motion.scene
-    root = Element("sdf", version=_SDF_VERSION)
-    world = SubElement(root, "world", name=scene.name)
-    physics = SubElement(world, "physics", type="ode")
-    _fill(physics, {"gravity": _numbers(scene.gravity_world)})
-    surface = _surface(motion)
-    plane = _fill(SubElement(world, "model", name="plane"), {"static": "true"})
-    ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")
-    # The size is only for display, but PyBullet reads no plane without it.
-    shape = {"plane": {"normal": "0 0 1", "size": "100 100"}}
-    _fill(ground, {"geometry": shape, "surface": surface})
-    ball = SubElement(world, "model", name="ball")
-    shell = poses(motion)["shell"]
-    angles = Rotation.from_quat(shell.attitude[0], scalar_first=True).as_euler("xyz")
-    _fill(ball, {"pose": _numbers([0.0, 0.0, scene.ball.radius, *angles])})
-    links = links_of(scene)
-    # SDF gives a link's position in its model, not relative to its parent.
-    places = {"": np.zeros(3)}
-    for link in links:
-        places[link.name] = place = places[link.parent] + link.pivot
-        inertial = {
-            "pose": _numbers([*link.centre, 0.0, 0.0, 0.0]),
-            "mass": repr(float(link.mass)),
-            "inertia": _moments(link.inertia),
-        }
-        element = SubElement(ball, "link", name=link.name)
-        _fill(element, {"pose": _numbers([*place, 0.0, 0.0, 0.0]), "inertial": inertial})
-        if not link.parent:
-            sphere = {"sphere": {"radius": repr(float(scene.ball.radius))}}
-            collision = SubElement(element, "collision", name="sphere")
-            _fill(collision, {"geometry": sphere, "surface": surface})
-    for link in links:
-        if link.parent:
-            kind = "prismatic" if link.slides else "revolute"
-            joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type=kind)
-            limits = {"lower": f"-{_BOUNDLESS}", "upper": _BOUNDLESS}
-            axis = {"xyz": _numbers(link.axis), "limit": limits}
-            _fill(joint, {"parent": link.parent, "child": link.name, "axis": axis})
-    return _xml_text(root)
-
-
-def _surface(motion: Motion) -> dict[str, Any]:
-    needed = _friction_needed(motion)
-    sliding = repr(_MARGIN * needed["sliding"])
-    friction: dict[str, Any] = {"ode": {"mu": sliding, "mu2": sliding}}
-    if needed["torsional"]:
-        # The torque is 3π/16 · coefficient · patch radius · normal force; the radius here is 1 m.
-        coefficient = repr(_MARGIN * needed["torsional"] * 16 / (3 * np.pi))
-        patch = {"use_patch_radius": "true", "patch_radius": "1.0"}
-        friction["torsional"] = {**patch, "coefficient": coefficient}
-    return {"friction": friction}
-
-
-def _fill(parent: Element, contents: Mapping[str, Any]) -> Element:
-    """Add elements to `parent`, each with a text or with nested contents, by name."""
-    for name, content in contents.items():
-        element = SubElement(parent, name)
-        if isinstance(content, str):
-            element.text = content
-        else:
-            _fill(element, content)
-    return parent
-
-
 def _moments(inertia: Array) -> dict[str, str]:
-    """Return the six moments with the names of URDF and SDF, in the order of MJCF's fullinertia."""
+    """Return the six moments with the names of URDF, in the order of MJCF's fullinertia."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     return dict(zip(names, map(repr, (xx, yy, zz, xy, xz, yz)), strict=True))

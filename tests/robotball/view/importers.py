@@ -103,7 +103,7 @@ def _dart(path: str, form: str) -> dict[str, Any]:
     if form == "URDF":
         world.addSkeleton(utils.DartLoader().parseSkeleton(path))
     else:
-        world = (utils.SdfParser if form == "SDF" else utils.MjcfParser).readWorld(path)
+        world = utils.MjcfParser.readWorld(path)
     every = [world.getSkeleton(i) for i in range(world.getNumSkeletons())]
     ball = next(skeleton for skeleton in every if skeleton.getBodyNode("shell"))
     bodies, hinges = [], {}
@@ -200,10 +200,10 @@ def _newton(path: str, form: str) -> dict[str, Any]:
 IMPORTERS: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
     "json": (_json, ("JSON",)),
     "mujoco": (_mujoco, ("MJCF", "URDF")),
-    "pybullet": (_bullet, ("URDF", "SDF", "MJCF")),
+    "pybullet": (_bullet, ("URDF", "MJCF")),
     "pybullet, URDF_USE_INERTIA_FROM_FILE": (partial(_bullet, flags=2), ("URDF", "MJCF")),
-    "dartpy": (_dart, ("URDF", "SDF", "MJCF")),
-    "pydrake": (_drake, ("URDF", "SDF", "MJCF")),
-    "pinocchio": (_pinocchio, ("URDF", "MJCF")),  # its wheel has no SDF support
+    "dartpy": (_dart, ("URDF", "MJCF")),
+    "pydrake": (_drake, ("URDF", "MJCF")),
+    "pinocchio": (_pinocchio, ("URDF", "MJCF")),
     "newton": (_newton, ("URDF", "MJCF")),
 }

@@ -3,12 +3,10 @@
 import json
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball.files.columns import read_table
@@ -72,41 +70,6 @@ def test_the_exported_start_rolls_with_the_commanded_hinge_rates(exported: Expor
             assert more == pytest.approx(hinge["rate"] * axis, abs=1e-13 * abs(hinge["rate"])), name
 
 
-SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-
-
-def floats(text: str | None) -> list[float]:
-    return [float(word) for word in (text or "").split()]
-
-
-def test_the_sdf_has_the_same_bodies_gravity_and_pose(exported: Exported) -> None:
-    """Masses and places are equal to the last bit."""
-    scene, folder = exported
-    world = ElementTree.parse(folder / "model.sdf").getroot().find("world")
-    assert world is not None
-    gravity = scene.gravity * np.array(scene.gravity_direction)
-    assert floats(world.findtext("physics/gravity")) == gravity.tolist()
-    ball = world.find("model[@name='ball']")
-    assert ball is not None
-    bodies = dict(scene.ball.named_bodies)
-    assert [link.get("name") for link in ball.iter("link")] == list(bodies)
-    for link in ball.iter("link"):
-        body = bodies[str(link.get("name"))]
-        place = np.array(floats(link.findtext("pose"))) + floats(link.findtext("inertial/pose"))
-        assert float(link.findtext("inertial/mass", "")) == body.mass
-        xx, yy, zz, xy, xz, yz = (
-            float(link.findtext(f"inertial/inertia/{name}", "")) for name in SIX
-        )
-        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        assert inertia == pytest.approx(body.inertia, rel=1e-14, abs=1e-18)
-        assert place == pytest.approx([*body.centre, 0, 0, 0], abs=1e-16)
-    pose = floats(ball.findtext("pose"))
-    assert pose[:3] == [0, 0, scene.ball.radius]
-    # The shell's attitude differs from the frame's by the angle of the hinge between them.
-    start = rotation_matrix(np.array(read(folder)["bodies"][0]["start"]["attitude"]))
-    assert Rotation.from_euler("xyz", pose[3:]).as_matrix() == pytest.approx(start, abs=1e-14)
-
-
 def test_the_keyframe_of_the_mjcf_is_the_initial_state(exported: Exported) -> None:
     """MuJoCo's momentum at the keyframe is the scene's M (measured 1.5e-14 kg m²/s)."""
     scene, folder = exported
@@ -140,7 +103,7 @@ def test_drives_are_exported_as_formula_or_samples(tmp_path: Path) -> None:
     scene = scene.with_hinges(command={"frame": lambda t: 2.0 + np.sin(t) ** 3})
     others = {path.name for path in rb.export_scene(scene, tmp_path, np.linspace(0, 1, 11))}
     assert names - others == {"scene.toml"}
-    assert others > {"scene.json", "model.xml", "model.urdf", "model.sdf", "README.md"}
+    assert others > {"scene.json", "model.xml", "model.urdf", "README.md"}
     rows = read_table(tmp_path / "drives.csv").columns
     assert rows["frame_command"] == pytest.approx(2.0 + np.sin(rows["t"]) ** 3, rel=1e-12)
     header = read_table(tmp_path / "reference.csv").header
@@ -160,8 +123,3 @@ def test_the_exported_friction_is_what_the_motion_needs(tmp_path: Path) -> None:
     both = 1.5 * needed["sliding"], 1.5 * needed["torsional"]
     floor = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml")).geom("floor")
     assert floor.friction == pytest.approx([*both, 0])
-    sdf = ElementTree.parse(tmp_path / "model.sdf")
-    assert [float(element.text or "") for element in sdf.iter("mu")] == pytest.approx(2 * [both[0]])
-    # SDF's torque is 3π/16 · coefficient · patch radius · normal force, here with a radius of 1 m.
-    (first, *_) = sdf.iter("coefficient")
-    assert 3 * np.pi / 16 * float(first.text or "") == pytest.approx(both[1])

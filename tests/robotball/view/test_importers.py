@@ -14,9 +14,9 @@ from tests.robotball.view.importers import IMPORTERS, plain
 # The last two are a rubber and a classical robot with three off-centre hinges each.
 ROBOTS = [random_scene(np.random.default_rng(seed)) for seed in (15, 17)]
 SCENES = [*map(rb.load_scene, ("inclined_plane", "steered_pendulum_robot")), *ROBOTS]
-FILES = {"JSON": "scene.json", "MJCF": "model.xml", "URDF": "model.urdf", "SDF": "model.sdf"}
+FILES = {"JSON": "scene.json", "MJCF": "model.xml", "URDF": "model.urdf"}
 # Quantities that a format cannot express; importers then use a default.
-UNSAID = {"URDF": {"gravity", "armature"}, "SDF": {"armature"}}
+UNSAID = {"URDF": {"gravity", "armature"}}
 # Quantities that importers lose; see docs/findings.md and the README of an export.
 LOST = {
     "MJCF, pybullet": {"inertia", "gravity", "armature"},
@@ -27,8 +27,6 @@ LOST = {
     "MJCF, newton": {"gravity"},
     "URDF, mujoco": {"freedoms"},
     "URDF, pybullet": {"inertia"},
-    "SDF, pybullet": {"inertia", "gravity"},
-    "SDF, pydrake": {"gravity"},
 }
 
 

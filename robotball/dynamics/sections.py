@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
-from robotball.dynamics.cycles import Cycle, close
 from robotball.engines.equations import integrate, scene_of
 from robotball.engines.many_motions import FromStarts
 from robotball.errors import InputError, check_count
@@ -279,24 +278,6 @@ def section_starts(
         for L_, l_ in zip(np.ravel(L), np.ravel(l), strict=True)
     ]
     return np.array([s.attitude for s in starts]), np.array([s.momentum for s in starts])
-
-
-def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
-    """Return the periodic orbit near (L, l) of g = 0 that closes at its first return.
-
-    Raises InputError if Newton's method does not converge.
-    """
-    # The given point may cross in either direction, so start from its next crossing.
-    # The given point need not be on a crossing that the map counts: it starts at the next one.
-    attitudes, momenta = section_starts(L, l, f)
-    first = sections_of(parameters, attitudes, momenta, 1)
-    if first.status.any():
-        raise InputError("the orbit never returns to the section: choose another point (L, l)")
-    # A return is a crossing in the same direction.
-    direction = int(first.directions[0, 0])
-    same_way = sections_of(parameters, attitudes, momenta, 2, direction=direction)
-    period = float(same_way.times[0, 1] - same_way.times[0, 0])
-    return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
 
 
 def period_of(scene: Scene) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from robotball import integrate, load_scene
+from robotball.dynamics.cycles import limit_cycles, separatrices
 from robotball.dynamics.equilibria import (
     ContactPath,
     FixedCircle,
@@ -24,7 +25,6 @@ from robotball.dynamics.equilibria import (
     name_of,
     rate_scale,
 )
-from robotball.dynamics.portraits import limit_cycles, separatrices
 from robotball.errors import InputError
 from robotball.robot.formulas import Parameters, Vector, as_vector
 from robotball.robot.scene import Start

@@ -28,7 +28,7 @@ from robotball.robot.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.robot.motors import DCMotor, Free, PositionServo, Servo
 from robotball.robot.scene import MovedHinge, Scene, Times
 from robotball.rotations import Array, rotation_matrix
-from robotball.view.poses import poses
+from robotball.view.tracks import poses
 
 _FORMAT = "robotball scene 1"
 _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}

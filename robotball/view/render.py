@@ -27,9 +27,8 @@ from robotball.robot import looks as palette
 from robotball.robot.looks import GHOST, MARKS, Looks, looks_of
 from robotball.rotations import Array, Z, rotation_matrix
 from robotball.view import gl
-from robotball.view.lines import colours_of, label_of
 from robotball.view.stage import LENS, Arrow, Camera, Pixels, Projection, Stage
-from robotball.view.tracks import Moments, Track, heading_of, track_of
+from robotball.view.tracks import Moments, Track, colours_of, heading_of, label_of, track_of
 
 _FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -1,21 +1,74 @@
-"""Interpolate motions at any times, and place the bodies of their balls there.
+"""What pictures show of a motion: its name, line style, interpolated path, and bodies' poses.
 
-Not imported from `motion`, because motions are displayed in notebooks through this module.
+Each engine and preset has one colour, dash and marker in all pictures. The colours are from Okabe
+and Ito and from Tol, and distinguishable for colour-blind readers.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation, Slerp
 
+from robotball.motion import Motion
 from robotball.robot.mechanics import Robot
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, continuous, from_matrix, multiply, rotation_matrix
 
+# Colour, dash and marker of each preset. Default settings have the engine's colour and marker.
+_SPARE = (("#882255", (6, 2), "d"), ("#332288", (2, 2), "^"), ("#999933", (7, 2, 2, 2), ">"))
+PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
+    "fast": ("#B08900", (7, 2, 2, 2), "D"),
+    "balanced": ("#009E73", (6, 2), "s"),
+    "accurate": ("#CC79A7", (2, 2), "^"),
+    "adaptive": ("#56B4E9", (1, 3), "v"),
+    **dict.fromkeys(("best", "mended"), _SPARE[0]),
+    **dict.fromkeys(("ideal", "contact", "kept"), _SPARE[1]),
+    **dict.fromkeys(("discrete", "RK4"), _SPARE[2]),
+}
 # Samples used on each side of the requested ones: the influence of a farther sample on a cubic
 # spline is below 1e-9.
 _MARGIN = 16
+
+
+class LineStyle(NamedTuple):
+    """Label, colour, dash (in line widths) and marker of a line."""
+
+    label: str
+    colour: str
+    dash: Sequence[float] = ()
+    marker: str = ""
+
+
+def label_of(motion: Any) -> str:
+    """Return the names of engine and settings: "MuJoCo, fast", "MuJoCo as it comes"."""
+    report = getattr(motion, "report", None)
+    if report is None:
+        return str(motion.engine.name)
+    if report.settings.name in ("naive", "as-it-comes"):
+        return f"{motion.engine.name} as it comes"
+    return f"{motion.engine.name}, {report.settings.name}"
+
+
+def line_looks(motions: Sequence[Any]) -> list[LineStyle]:
+    """Return the line style of each motion: of its preset, otherwise of its engine.
+
+    If a colour is already taken, for example by unnamed settings of the same engine, the next free
+    one is used. The equations have no marker.
+    """
+    looks = list[LineStyle]()
+    for motion in motions:
+        settings, engine = getattr(motion, "report", None), motion.engine
+        default = (engine.colour, (), engine.marker if settings else "")
+        preset = PRESET_LOOKS.get(settings.settings.name, default) if settings else default
+        taken = {look.colour for look in looks}
+        free = [row for row in (preset, *_SPARE, *PRESET_LOOKS.values()) if row[0] not in taken]
+        looks.append(LineStyle(label_of(motion), *(free or [preset])[0]))
+    return looks
+
+
+def colours_of(motions: Sequence[Any]) -> list[str]:
+    """Return the colour of each motion's line style."""
+    return [look.colour for look in line_looks(motions)]
 
 
 @dataclass(frozen=True)
@@ -54,6 +107,9 @@ class Track:
 
     def at(self, times: Array) -> Moments:
         """Return the motion at ascending times (m,) [s]."""
+        from scipy.interpolate import CubicSpline  # late: styles are needed without it
+        from scipy.spatial.transform import Rotation, Slerp
+
         inside = np.minimum(times, self.times[-1])
         first, last = np.searchsorted(self.times, inside[[0, -1]])
         samples = slice(max(first - _MARGIN, 0), last + _MARGIN + 1)
@@ -94,3 +150,40 @@ def heading_of(points: Array) -> float:
     """Return the direction [rad] from the first of the points (m, 2) to the last."""
     travel = points[-1] - points[0]
     return float(np.arctan2(travel[1], travel[0]))
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """Pose and velocity of a body at the n times of a motion, in world axes.
+
+    position, velocity (n, 3): of the centre of mass [m, m/s]; attitude (n, 4): quaternion
+    (w, x, y, z) relative to its orientation along the frame axes, at hinge angle 0;
+    angular_velocity (n, 3) [rad/s].
+    """
+
+    position: Array
+    attitude: Array
+    velocity: Array
+    angular_velocity: Array
+
+
+def poses(motion: Motion) -> dict[str, _Poses]:
+    """Return the poses of all bodies of the ball, keyed by name."""
+    scene, angles = motion.scene, motion.hinge_angles
+    states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
+    to_world, radius = rotation_matrix(motion.attitude), scene.ball.radius
+    centre = np.column_stack([motion.contact_point, np.full(len(angles), radius)])
+
+    def in_world(vectors: Array) -> Array:
+        return np.asarray(np.einsum("nij,nj->ni", to_world, vectors))
+
+    turned, _ = scene.robot.moved(angles)
+    return {
+        link.name: _Poses(
+            position=centre + in_world(states.placed[i, :3].T),
+            attitude=continuous(multiply(motion.attitude, from_matrix(turned[i]))),
+            velocity=in_world(states.velocities[i]),
+            angular_velocity=in_world(states.turning[i]),
+        )
+        for i, link in enumerate(scene.ball.tree)
+    }

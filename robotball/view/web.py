@@ -15,8 +15,7 @@ from robotball.robot import looks as palette
 from robotball.robot.ball import Ball
 from robotball.robot.looks import MARKS, Looks, looks_of, materials_of
 from robotball.robot.shapes import Shape
-from robotball.view.lines import colours_of, label_of
-from robotball.view.tracks import heading_of, track_of
+from robotball.view.tracks import colours_of, heading_of, label_of, track_of
 
 _HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view

@@ -20,7 +20,7 @@ from robotball.engines.engine import engine_named, engine_names
 from robotball.engines.mujoco import LABEL
 from robotball.files.replacing import replacing
 from robotball.theory.reduced import LABEL as EQUATIONS
-from robotball.view.lines import PRESET_LOOKS, line_looks
+from robotball.view.tracks import PRESET_LOOKS, line_looks
 from tests.messages import naming, unnamed
 from validation import Agreement, compare
 from validation.cli import parse

@@ -18,9 +18,9 @@ from robotball.processes import at_most, cores
 from robotball.robot.looks import rgb
 from robotball.rotations import multiply
 from robotball.view import gl, render
-from robotball.view.lines import colours_of
 from robotball.view.render import Film, frames
 from robotball.view.stage import Pixels
+from robotball.view.tracks import colours_of
 from tests.messages import naming
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s

@@ -11,7 +11,7 @@ import pytest
 
 import robotball as rb
 from robotball.rotations import rotation_matrix
-from robotball.view.poses import poses
+from robotball.view.tracks import poses
 from robotball.view.web import MOST, STEP, view_data, view_fragment, view_page
 from tests.browser import needs_browser, opened
 from tests.messages import naming, unnamed

@@ -1,4 +1,4 @@
-"""What pictures show of a motion: its name, line style, interpolated path, and bodies' poses.
+"""What pictures show of a motion: its name, line style, and interpolated path.
 
 Each engine and preset has one colour, dash and marker in all pictures. The colours are from Okabe
 and Ito and from Tol, and distinguishable for colour-blind readers.
@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robotball.motion import Motion
 from robotball.robot.mechanics import Robot
-from robotball.rotations import Array, continuous, from_matrix, multiply, rotation_matrix
+from robotball.rotations import Array, rotation_matrix
 
 # Colour, dash and marker of each preset. Default settings have the engine's colour and marker.
 _SPARE = (("#882255", (6, 2), "d"), ("#332288", (2, 2), "^"), ("#999933", (7, 2, 2, 2), ">"))
@@ -150,40 +149,3 @@ def heading_of(points: Array) -> float:
     """Return the direction [rad] from the first of the points (m, 2) to the last."""
     travel = points[-1] - points[0]
     return float(np.arctan2(travel[1], travel[0]))
-
-
-@dataclass(frozen=True)
-class _Poses:
-    """Pose and velocity of a body at the n times of a motion, in world axes.
-
-    position, velocity (n, 3): of the centre of mass [m, m/s]; attitude (n, 4): quaternion
-    (w, x, y, z) relative to its orientation along the frame axes, at hinge angle 0;
-    angular_velocity (n, 3) [rad/s].
-    """
-
-    position: Array
-    attitude: Array
-    velocity: Array
-    angular_velocity: Array
-
-
-def poses(motion: Motion) -> dict[str, _Poses]:
-    """Return the poses of all bodies of the ball, keyed by name."""
-    scene, angles = motion.scene, motion.hinge_angles
-    states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
-    to_world, radius = rotation_matrix(motion.attitude), scene.ball.radius
-    centre = np.column_stack([motion.contact_point, np.full(len(angles), radius)])
-
-    def in_world(vectors: Array) -> Array:
-        return np.asarray(np.einsum("nij,nj->ni", to_world, vectors))
-
-    turned, _ = scene.robot.moved(angles)
-    return {
-        link.name: _Poses(
-            position=centre + in_world(states.placed[i, :3].T),
-            attitude=continuous(multiply(motion.attitude, from_matrix(turned[i]))),
-            velocity=in_world(states.velocities[i]),
-            angular_velocity=in_world(states.turning[i]),
-        )
-        for i, link in enumerate(scene.ball.tree)
-    }

@@ -54,7 +54,6 @@ _REST = (0.0, 0.0, 0.0)
 _GENERIC = rotation_matrix(np.array([0.51, 0.29, -0.63, 0.503]))
 _EIGENVALUE_ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
 _SAME_SOLUTION = 1e-7  # distance below which two solutions are the same
-_MOST_SAMPLES = 100_000  # of a line beside the circle
 _ROUNDING = 1e-14  # relative to the terms of a sum: a smaller result is zero
 _EQUAL = 1e-12  # relative difference below which two moments are equal
 _SAME = 1e-6  # distance of unit vectors below which a point has the name of a closed-form point
@@ -328,12 +327,15 @@ class FixedCircle(Value):
     """Circle of fixed points γ = cos ψ axes[0] + sin ψ axes[1]; those with sin 2ψ > 0 attract.
 
     axes (2, 3): unit vectors orthogonal to Ω, right-handed with it, at which Σ_s and Σ_u meet.
-    index: contribution of the whole circle to the sum of indices, which is 2 on the sphere.
     """
 
     parameters: Parameters
     axes: Array
-    index: int
+
+    @property
+    def index(self) -> int:
+        """Contribution of the circle to the sum of indices, which is 2 on the sphere."""
+        return 2 - index_sum(fixed_points(self.parameters))
 
     def at(self, angles: Array) -> Array:
         """Return γ (n, 3) at angles ψ (n,) [rad]."""
@@ -356,29 +358,7 @@ def fixed_circle(parameters: Parameters) -> FixedCircle | None:
     weights, vectors = np.linalg.eigh(plane * parameters.A @ plane.T)
     larger = vectors[:, np.argmax(weights)] @ plane
     axes = np.stack([larger, np.cross(along, larger)])
-    return FixedCircle(parameters, axes, _index_of(parameters, axes))
-
-
-def _index_of(parameters: Parameters, axes: Array) -> int:
-    """Return the winding number of (4.1) on a line just below the circle minus one just above.
-
-    No other fixed point lies between these lines.
-    """
-    along = np.cross(*axes)
-    # The other fixed points are principal axes. The line must pass below the nearest of them, with
-    # samples much closer than its distance, over which the flow reverses.
-    heights = np.abs(along)[np.abs(along) > 1e-9]  # of the principal axes above the circle
-    height = min(0.02, float(heights.min()) / 2)
-    samples = min(_MOST_SAMPLES, int(40 / height))
-    angle = np.linspace(0.0, 2 * np.pi, samples + 1)
-    out, ahead = on_circle(axes, angle), on_circle(axes, angle + np.pi / 2)
-    turns = []
-    for sign in (-1.0, 1.0):
-        gamma = np.sqrt(1 - height**2) * out + sign * height * along
-        rate = np.stack(flow(parameters, tuple(gamma.T)), axis=1)
-        direction = np.unwrap(np.arctan2(rate @ along, (rate * ahead).sum(axis=1)))
-        turns.append(round(float(direction[-1] - direction[0]) / (2 * np.pi)))
-    return turns[0] - turns[1]
+    return FixedCircle(parameters, axes)
 
 
 def _without_rounding(parameters: Parameters) -> Parameters:

@@ -8,7 +8,7 @@ engine's motion, values and exact rates are known at the samples: vectors v that
 space have the rate v×ω in frame axes. Between samples they are interpolated with cubic Hermite
 polynomials.
 
-In order: crossings of the equations, periodic orbits, crossings of a sampled motion.
+In order: crossings of the equations, stroboscopic maps, crossings of a sampled motion.
 """
 
 import math
@@ -52,9 +52,6 @@ _STEPS_PER_CROSSING = 100_000
 _MOST_PERIODS = 1000  # largest number of one drive's periods in the common period
 _ON_PERIOD = 1e-9  # of a period: rounding of commensurable frequencies
 _ON_SECTION = 1e-10  # a start nearer than this is on the section and does not count as a crossing
-_LINES = 4  # strongest spectral lines that are tried: the strongest may be a multiple of ρ
-_CORRECTIONS = 4
-_HARMONICS = 120  # enough for a smooth curve; at most an eighth of the number of points
 
 
 @dataclass(frozen=True)
@@ -97,10 +94,6 @@ class Crossings(Value):
     def only(self, direction: int) -> "Crossings":
         """Return the crossings in one direction; all of them if it is 0."""
         return self[(self.directions == direction) | (direction == 0)]
-
-    def later(self, time: float) -> "Crossings":
-        """Return the crossings, delayed by `time` [s]."""
-        return replace(self, times=self.times + time)
 
 
 def joined(parts: Sequence[Crossings]) -> Crossings:

@@ -72,15 +72,12 @@ def colours_of(motions: Sequence[Any]) -> list[str]:
 
 @dataclass(frozen=True)
 class Moments:
-    """The parts of a motion that a picture shows, at m times; fields as in Motion and Loads."""
+    """The parts of a motion that a picture shows, at m times; fields as in Motion."""
 
     contact_point: Array
     attitude: Array
-    momentum: Array
-    angular_velocity: Array
     hinge_angles: Array
     hinge_rates: Array
-    contact_force: Array
 
     def __getitem__(self, some: slice) -> "Moments":
         """Return a subset of the times."""
@@ -135,12 +132,7 @@ class Track:
 
 def track_of(motion: Any) -> Track:
     """Return the track of a motion with at least two samples."""
-    names = {field.name for field in fields(Moments)} - {"contact_force", "momentum"}
-    sampled = Moments(
-        **{name: getattr(motion, name) for name in names},
-        contact_force=motion.loads.contact_force,
-        momentum=np.nan_to_num(motion.momentum),  # no arrow if unknown
-    )
+    sampled = Moments(*(getattr(motion, field.name) for field in fields(Moments)))
     bodies = tuple(link.name for link in motion.scene.ball.tree)
     return Track(motion.times, sampled, bodies, motion.scene.robot)
 

@@ -75,7 +75,7 @@ def test_scenes_with_the_same_name_get_different_names(
 @pytest.mark.parametrize(
     ("command", "names", "words"),
     [
-        ("video fig12", "fps resolution slow camera ghost arrows", ""),
+        ("video fig12", "fps resolution slow camera ghost", ""),
         ("video fig12 --camera above --ghost --slow 2", "slow camera ghost", "slow-2 above ghost"),
         ("dynamics section fig12 --starts 4 --g 0.5", "starts count g", "starts-4 g-0.5"),
         ("study cost fig12 --duration 4", "duration", "4s"),

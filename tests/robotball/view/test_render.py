@@ -210,11 +210,10 @@ def test_one_motion_alone_is_filmed(tmp_path: Path) -> None:
 @pytest.mark.slow
 @screen
 def test_every_option_changes_the_picture() -> None:
-    """Two panes, a ghost, arrows, and the three cameras give different pictures."""
+    """Two panes, a ghost, and the three cameras give different pictures."""
     changes: list[dict[str, Any]] = [
         {},
         {"ghost": True},
-        {"arrows": True},
         {"camera": "above"},
         {"camera": "whole"},
     ]

@@ -133,11 +133,7 @@ def exponents(
 
 
 def exponents_of(
-    balls: Balls,
-    attitudes: Array,
-    momenta: Array,
-    duration: float,
-    transient: float = 1000.0,
+    balls: Balls, attitudes: Array, momenta: Array, duration: float, transient: float = 1000.0
 ) -> Exponents:
     """Estimate the Lyapunov exponents of n motions over `duration` after a `transient` [s].
 

@@ -294,10 +294,7 @@ def _returning(
 def _first_returns(
     parameters: Parameters, arc: Array, angles: Array, longest: float
 ) -> tuple[Array, Array]:
-    """Return the angles (n,) and times (n,) [s] of first return from angles (n,) of an arc.
-
-    A return crosses the arc in the direction of the start; NaN if there is none within `longest`.
-    """
+    """Return the angles (n,) and times (n,) [s] of first return to an arc; NaN if none."""
     (centre, across), gamma = arc, on_circle(arc, angles)
     normal = np.cross(centre, across)
     # Any heading: with M = 0 a rotation about the vertical changes nothing.
@@ -312,10 +309,7 @@ def _first_returns(
 
 
 def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
-    """Return the cycle near γ (3,) with about this period [s] or half of it, or None.
-
-    Half, because an orbit may miss the end of an arc once and return the second time.
-    """
+    """Return the cycle near γ (3,) with about this period [s] or half of it, or None."""
     cycle = _closed_near(parameters, gamma, period)
     if cycle is None:
         return None
@@ -369,11 +363,7 @@ def _lies_on(gamma: Array, curve: Array) -> bool:
 
 @dataclass(frozen=True)
 class _Separatrix(Value):
-    """Half of a saddle's stable or unstable manifold.
-
-    path: γ (n, 3) from the saddle on, backwards in time if stable. end: the fixed point that it
-    reaches, or None if it reaches none within the duration.
-    """
+    """Half of a saddle's manifold; path: γ (n, 3) from the saddle on; end: where it ends."""
 
     saddle: FixedPoint
     stable: bool

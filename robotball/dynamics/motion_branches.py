@@ -1,10 +1,8 @@
 """Branches of a ball's motions in one of its numbers: fixed points, straight lines, cycles.
 
-The unknowns are γ for motions from rest (M = 0), otherwise γ and μ = M/√f, in principal axes. The
-flow preserves γ² = 1, μ² = 1 and (μ, γ) = c/√f. Its equilibria are the fixed points of (4.1) or the
-straight lines of section 5.1. The unknowns of a cycle are a start and ln T; its period T may grow
-without bound. A cycle is integrated in the direction of time in which phase volume shrinks, because
-the other direction loses all digits.
+The unknowns are γ for motions from rest (M = 0), otherwise γ and μ = M/√f, in principal axes; for
+cycles also ln T, whose period T may grow without bound. A cycle is integrated in the direction of
+time in which phase volume shrinks, because the other direction loses all digits.
 
 If the period grows as T ~ |s - s*|^-p at the end of a branch, then ds/d(ln T) ~ T^(-1/p). By
 Seydel, chapter 7, p = 1/2 if a saddle and a node merge on the cycle; at a saddle the period grows

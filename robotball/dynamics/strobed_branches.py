@@ -58,11 +58,7 @@ def numbers_of(scene: Scene) -> dict[str, float]:
 
 
 def _with_number(scene: Scene, name: str, value: float) -> Scene:
-    """Return the scene with one of its numbers changed; the frequency scales all sines.
-
-    Raises InputError for an unknown name, and for the frequency if full turns of a hinge determine
-    the period.
-    """
+    """Return the scene with one of its numbers changed; the frequency scales all sines."""
 
     def faster(drive: Drive) -> Drive:
         if isinstance(drive, Total):

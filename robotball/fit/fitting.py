@@ -296,11 +296,7 @@ def _solved(
     progress: Callable[[float, float], None] | None = None,
     fixed: Mapping[str, float] | None = None,
 ) -> tuple[Array, Residuals, Array, bool]:
-    """Return the solution, the residuals, their derivative there and whether the fit converged.
-
-    In a narrow valley one-sided differences produce a false slope along it, as large as the slope
-    that distinguishes the numbers. The last steps and the derivative use central differences.
-    """
+    """Return the solution, the residuals, their derivative and whether the fit converged."""
     unknowns = list(shared)
     for k, fitted_log in enumerate(logs):
         unknowns += of_log(fitted_log.start, fitted_log.log, k, circumstances)

@@ -126,10 +126,7 @@ def _drives(motion: Motion) -> Table:
 
 
 def _mjcf(motion: Motion) -> str:
-    """Return the MJCF of a reference motion's scene, with its initial state as keyframe `start`.
-
-    MJCF cannot express prescribed rates: motors are left to the user.
-    """
+    """Return the MJCF of a motion's scene; its initial state is the keyframe `start`."""
     scene = motion.scene
     root = Element("mujoco", model=scene.name)
     SubElement(root, "option", gravity=_numbers(scene.gravity_world))

@@ -157,10 +157,7 @@ class _Sheet:
 def _write(
     image: Image.Image, labels: list[_Label], font: ImageFont.FreeTypeFont, box: Array
 ) -> None:
-    """Write labels with a halo inside a box (4,), left, top, right, bottom, without overlaps.
-
-    A label moves above those in its way or, if the box has no room there, sideways to the inside.
-    """
+    """Write labels with a halo inside a box: left, top, right, bottom. They do not overlap."""
     pen, taken, halo = ImageDraw.Draw(image), list[Array](), round(font.size / 7)
     outline: dict[str, Any] = {"align": "center", "stroke_width": halo}
     for text, colour, at in labels:
@@ -267,10 +264,7 @@ def _painted(painter: "_Painter") -> Iterator[Pixels]:
 
 
 class _Painter:
-    """Draws frames by number, with a separate OpenGL context in each process.
-
-    Tracks have `finer` samples per frame, for smooth paths.
-    """
+    """Draw frames by number, with a separate OpenGL context in each process."""
 
     def __init__(self, motions: Sequence[Motion], film: Film) -> None:
         self.film, self.times, backend = film, film.times(motions), gl.find_backend()
@@ -318,11 +312,7 @@ class _Painter:
         return self.sheet.frame(pictures, labels, float(self.times[k]))
 
     def _ball_names(self, k: int, outlines: dict[int, Projection]) -> Iterator[_Label]:
-        """Yield the name of each ball of a picture, with its distance from the reference.
-
-        It is above the ball. The reference ball's name is below, because another ball may be at
-        the same place; then it says so.
-        """
+        """Yield each ball's name and distance from the reference, whose name is below it."""
         for i, (x, y, radius) in outlines.items():
             if exact := i == len(self.apart):
                 hidden = (

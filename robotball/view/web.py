@@ -138,8 +138,5 @@ def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
 
 
 def _packed(numbers: NDArray[Any]) -> str:
-    """Encode numbers as base64 of little-endian 32-bit floats.
-
-    Seven digits are enough for a picture, and halve the page.
-    """
+    """Encode numbers as base64 of little-endian 32-bit floats, which halve the page."""
     return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

@@ -265,10 +265,8 @@ def orbit(
     limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
     step, row = st.stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
     _, new, _, total = places(PATH.size)
-    status, reached = follow(
-        step, row, length, times[1:], tolerance, limit + len(times), np.zeros(total * FEW),
-        np.zeros(new - st.STATE), states[1:],
-    )  # fmt: skip
+    most, space, old = limit + len(times), np.zeros(total * FEW), np.zeros(new - st.STATE)
+    status, reached = follow(step, row, length, times[1:], tolerance, most, space, old, states[1:])
     if status == TOO_MANY_STEPS:
         speed = math.hypot(*angular_velocity(parameters, attitude, momentum))
         raise too_many_steps(limit, reached, times[-1], speed)

@@ -161,14 +161,19 @@ def _mjcf(motion: Motion) -> str:
         bodies[link.name] = body
     first = [motion.hinge_angles[:1], motion.angular_velocity[:1], motion.hinge_rates[:1]]
     turn = scene.robot.moved(first[0])[0][0, 0]  # shell to frame
-    omega = scene.robot.states(motion.gamma[:1], *first).turning[0, 0]  # of the shell, frame axes
+    turning = scene.robot.states(motion.gamma[:1], *first).turning[0, 0]  # of the shell
+    omega = rotation_matrix(motion.attitude[0]) @ turning  # world axes
     attitude = multiply(motion.attitude[0], from_matrix(turn))
     centre = [0.0, 0.0, scene.ball.radius]
     # A free joint has linear velocity in world axes and angular velocity in body axes.
-    velocity = np.cross(rotation_matrix(motion.attitude[0]) @ omega, centre)
+    velocity = np.cross(omega, centre)
     keyframe = SubElement(root, "keyframe")
     qpos = [*centre, *attitude, *(hinge.angle for hinge in scene.hinges)]
-    qvel = [*velocity, *(turn.T @ omega), *(hinge.rate for hinge in scene.hinges)]
+    qvel = [
+        *velocity,
+        *(rotation_matrix(attitude).T @ omega),
+        *(hinge.rate for hinge in scene.hinges),
+    ]
     SubElement(keyframe, "key", name="start", qpos=_numbers(qpos), qvel=_numbers(qvel))
     return _xml_text(root)
 

@@ -166,14 +166,10 @@ def _mjcf(motion: Motion) -> str:
     attitude = multiply(motion.attitude[0], from_matrix(turn))
     centre = [0.0, 0.0, scene.ball.radius]
     # A free joint has linear velocity in world axes and angular velocity in body axes.
-    velocity = np.cross(omega, centre)
+    velocity, spin = np.cross(omega, centre), rotation_matrix(attitude).T @ omega
     keyframe = SubElement(root, "keyframe")
     qpos = [*centre, *attitude, *(hinge.angle for hinge in scene.hinges)]
-    qvel = [
-        *velocity,
-        *(rotation_matrix(attitude).T @ omega),
-        *(hinge.rate for hinge in scene.hinges),
-    ]
+    qvel = [*velocity, *spin, *(hinge.rate for hinge in scene.hinges)]
     SubElement(keyframe, "key", name="start", qpos=_numbers(qpos), qvel=_numbers(qvel))
     return _xml_text(root)
 

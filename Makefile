@@ -155,7 +155,7 @@ $(VENV)/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 # robotball engines --install needs uv.
 	@test -e $(BIN)/uv || ln -sf "$$(realpath "$$(command -v $(UV))")" $(BIN)/uv
 	@$(BIN)/python -m compileall -q robotball validation
-	@$(BIN)/python -c 'from robotball.theory.ahead import compile_all; compile_all()'
+	@$(BIN)/python -m bench.ahead
 	@touch $@
 
 # Without uv on this machine, install a pinned version in its own environment.

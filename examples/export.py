@@ -1,4 +1,4 @@
-"""Write a scene for other simulators, as MJCF, URDF, SDF and JSON: python examples/export.py."""
+"""Write a scene for other simulators, as MJCF and URDF: python examples/export.py."""
 
 import mujoco
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from robotball.view.lines import LineStyle
+    from robotball.view.tracks import LineStyle
 
     from .agreement import Agreement
 
@@ -140,7 +140,7 @@ class _Sheet:
 
 def sheet_of(agreements: Sequence["Agreement"]) -> _Sheet:
     """Return the sheet of a scene's agreements with an engine."""
-    from robotball.view.lines import line_looks
+    from robotball.view.tracks import line_looks
 
     theory = agreements[0].theory
     scene = theory.scene

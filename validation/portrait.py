@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.cycles import Cycle, curve_of, involute, separatrices
 from robotball.dynamics.equilibria import FixedCircle, FixedPoint, flow, name_of
-from robotball.dynamics.portraits import curve_of, involute, separatrices
 from robotball.robot.formulas import Parameters
 from robotball.robot.looks import INK
 from robotball.rotations import Array

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robotball as rb
+from robotball.dynamics.cycles import curve_of, involute, limit_cycles, separatrices
 from robotball.dynamics.equilibria import fixed_points, name_of
-from robotball.dynamics.portraits import curve_of, involute, limit_cycles, separatrices
 
 DURATIONS = {6: 40.0, 7: 40.0, 8: 24.0}  # s, chosen: not in the captions
 

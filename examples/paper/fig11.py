@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 import robotball as rb
 from robotball.dynamics import sections
+from robotball.dynamics.cycles import fixed_point
 
 OUT = Path("out/fig11.png")
 ROOT_F, EARLY = 5.0, 200  # √f [kg m²/s]; crossings before an orbit has reached an attractor
@@ -48,7 +49,7 @@ def main(starts: int = 40, duration: float = 600.0) -> dict[str, float]:
         axes.set(xlabel="l [rad]", ylabel="L/√f", ylim=(-1.05, 1.05))
         axes.set_title(f"({panel}) dots: equations, early ones grey; crosses: MuJoCo")
     ball = rb.load_scene("fig12").parameters
-    numbers["period, equations"] = sections.fixed_point(ball, 3.6, 0.6, ROOT_F**2).period
+    numbers["period, equations"] = fixed_point(ball, 3.6, 0.6, ROOT_F**2).period
     OUT.parent.mkdir(exist_ok=True)
     figure.savefig(OUT)
     return numbers

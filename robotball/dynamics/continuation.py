@@ -394,10 +394,7 @@ def _across(problem: Problem, point: Point) -> Array | None:
 
 
 def _switched(problem: Problem, point: Point) -> list[Point]:
-    """Return a branch point with the direction of the other branch as its tangent.
-
-    For a period doubling, the other branch has the doubled period. Empty without another branch.
-    """
+    """Return a branch point with the other branch's direction as tangent; empty without one."""
     if point.kind == DOUBLING:
         twice = point.x + np.log(2.0) * np.eye(len(point.x))[-2]
         point = replace(point, x=twice, kind=BRANCH)

@@ -1,37 +1,76 @@
-"""Periodic motions of γ and M, found by Newton's method, with period and Floquet multipliers.
+"""Periodic motions of γ and M, and the phase portrait of motion from rest.
 
-The unknowns are a small rotation of the initial attitude and the period. The derivative is the
-monodromy matrix, integrated together with the motion (variational equations); its eigenvalues are
-the multipliers. See Seydel, Practical Bifurcation and Stability Analysis, chapter 7. `close_map`
-also accepts other maps of attitudes with a known derivative, such as a contact engine's. With
-periodic drives or a periodic plane, the map is the stroboscopic one: the drive phase becomes a
-coordinate of an autonomous motion, and phase = const its section.
+*Closing a motion.* The unknowns of Newton's method are a small rotation of the initial attitude and
+the period. The derivative is the monodromy matrix, integrated together with the motion (variational
+equations); its eigenvalues are the multipliers. See Seydel, Practical Bifurcation and Stability
+Analysis, chapter 7.
+
+*From rest* (4.1), M = 0, the flow is on a sphere, so chaos is impossible: every motion ends at a
+fixed point (see `equilibria`) or on a limit cycle. Every cycle C of (4.1) crosses the half great
+circle from a fixed point of index 1 to its opposite, for some such point: the flow is the same at γ
+and -γ, so -C is a cycle, too. If C = -C, it separates every point from its opposite. Otherwise C
+and -C bound two disjoint regions, by Brouwer's theorem each contains a fixed point of index 1, and
+its opposite is in the other region. So cycles are found from returns to such arcs.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import reduce
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robotball.dynamics.equilibria import (
+    FixedPoint,
+    attitude_at,
+    fixed_points,
+    flow,
+    jacobian,
+    rate_scale,
+)
+from robotball.dynamics.sections import crossings, section_starts, sections_of
 from robotball.errors import InputError
+from robotball.robot import formulas as eq
 from robotball.robot.ball import Value
-from robotball.robot.formulas import Parameters
-from robotball.rotations import Array, rotation_matrix, turn_between, turned
-from robotball.theory.ensembles.orbits import STEP_TOLERANCE, Starts, angular_velocity
-from robotball.theory.ensembles.steppers import DEVIATION
+from robotball.robot.formulas import Parameters, as_vector
+from robotball.robot.scene import sample_times
+from robotball.rotations import (
+    Array,
+    from_matrix,
+    on_circle,
+    rotation_matrix,
+    tangents,
+    turn_between,
+    turned,
+)
+from robotball.theory.ensembles.orbits import (
+    STEP_TOLERANCE,
+    Starts,
+    angular_velocity,
+    components,
+    orbit,
+    orbits,
+)
+from robotball.theory.ensembles.steppers import ARC, DEVIATION
 
 _ITERATIONS = 30  # Newton's method needs far fewer near a cycle
-_BLIND = 100.0  # relative error of the map's derivative, over the accepted gap `closed`
+_BLIND = 1e-9  # relative error of the map's derivative
 _SIZE = 3e-6  # rad, and of |M|: near the optimum 1e-6 … 1e-5 of truncation and rounding errors
 _CLOSED = 1e-11  # gap in γ and M/|M|; a step tolerance of 1e-14 keeps it over a period
+_NO_MOMENTUM = np.zeros(3)
+_SAMPLES = 4000  # of a closed curve; neighbours are about 2e-3 apart
+_RETURN_TOLERANCE = 1e-9  # relative error of a step while searching for returns
+_NOISE = 1e-6  # rad, error of a return angle after many such steps
+_CLOSER = 16  # starts between two neighbours where the return map jumps
+_AT_REST = 1e-6  # of the flow's rates: a slower cycle is a fixed point
+_SAME = 1e-6  # distance of unit vectors below which two cycles are the same
+_HYPERBOLIC = 1e-5  # distance of a multiplier from 1: orbits around a centre close, too
+# Distance of a separatrix's first point from the saddle; its square is the distance from the
+# manifold.
+_OFFSET = 1e-4
+_REACHED = 0.02  # distance from a fixed point within which a separatrix ends there
+_INTERVAL = 0.05  # s, largest sample interval
 
 Flow = Callable[[Array, Array], tuple[Array, Array]]
 """Maps attitudes (m, 4), frame to world, and M (m, 3), world, to their values after a time."""
-
-Followed = tuple[Array, Array, Array, Array]
-"""Ends of n segments: attitudes (n, 4), monodromies (n, 3, 3), the logarithms of their determinants
-(n,), as from `monodromy_of`, and angular velocities (n, 3) in frame axes [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -59,61 +98,28 @@ class Cycle(Value):
 
 
 def close(parameters: Parameters, attitude: Array, momentum: Array, period: float) -> Cycle:
-    """Return the cycle near attitudes (4,) or (n, 4), M (3,) world and a period [s].
+    """Return the cycle near an attitude (4,), with momentum (3,), world, and about this period [s].
 
-    Several attitudes are equally spaced in time; see `close_map`. Raises
-    InputError if Newton's method does not converge.
+    Newton's method acts on a small rotation of the attitude and on the period. The smallest
+    correction is taken, because the phase along the cycle is arbitrary. Raises InputError if
+    Newton's method does not converge.
     """
-
-    def follow(attitudes: Array, duration: float) -> Followed:
-        segments = [monodromy_of(parameters, q, momentum, duration) for q in attitudes]
-        ends, monodromies, volumes = (np.array(column) for column in zip(*segments, strict=True))
-        omega = np.array([angular_velocity(parameters, end, momentum) for end in ends])
-        return ends, monodromies, volumes, omega
-
-    return close_map(follow, np.atleast_2d(attitude), momentum, period)
-
-
-def close_map(
-    follow: Callable[[Array, float], Followed],
-    attitudes: Array,
-    momentum: Array,
-    period: float,
-    closed: float = _CLOSED,
-) -> Cycle:
-    """Return the cycle near n attitudes (n, 4), equally spaced in time over a period [s].
-
-    follow: maps attitudes (n, 4) and a duration [s] to the ends of the segments; momentum (3,):
-    constant; closed: the largest accepted gap in γ and M/|M|.
-
-    Multiple shooting: Newton's method acts on a small rotation of every attitude and on the period,
-    so an unstable motion can grow only over one segment. The smallest correction is taken, because
-    the phase along the cycle is arbitrary. Raises InputError if Newton's method does not converge.
-    """
-    n = len(attitudes)
     for _ in range(_ITERATIONS):
-        ends, monodromies, volumes, omegas = follow(attitudes, period / n)
-        starts = np.array([level_vectors(q, momentum) for q in attitudes])
-        reached = np.array([level_vectors(q, momentum) for q in ends])
-        gap = np.roll(starts, -1, axis=0) - reached
-        if np.abs(gap).max() < closed:
-            whole = reduce(np.matmul, monodromies[::-1])
-            multipliers = multipliers_of(whole, float(volumes.sum()), momentum)
-            return Cycle(attitudes[0], momentum, period, multipliers)
-        # Rotating a start moves its segment's end by the monodromy, and the previous target.
-        jacobian = np.zeros((n, gap[0].size, 3 * n + 1))
-        for i in range(n):
-            here, after = (slice(3 * j, 3 * j + 3) for j in (i, (i + 1) % n))
-            jacobian[i, :, here] += by_turn(reached[i]) @ monodromies[i]
-            jacobian[i, :, after] -= by_turn(starts[(i + 1) % n])
-            jacobian[i, :, -1] = np.cross(reached[i], omegas[i]).ravel() / n
+        end, monodromy, volume = monodromy_of(parameters, attitude, momentum, period)
+        start, reached = level_vectors(attitude, momentum), level_vectors(end, momentum)
+        gap = start - reached
+        if np.abs(gap).max() < _CLOSED:
+            multipliers = multipliers_of(monodromy, volume, momentum)
+            return Cycle(attitude, momentum, period, multipliers)
+        along = np.cross(reached, angular_velocity(parameters, end, momentum)).ravel()
+        turning = by_turn(reached) @ monodromy - by_turn(start)
         # Rotations along the motion, and about the vertical if M = 0, change nothing. The matrix
         # is singular up to errors of the derivatives: take the minimum-norm solution.
-        equations = jacobian.reshape(-1, 3 * n + 1), gap.ravel()
-        correction = np.linalg.lstsq(*equations, rcond=_BLIND * closed)[0]
+        equations = np.column_stack([turning, along]), gap.ravel()
+        correction = np.linalg.lstsq(*equations, rcond=_BLIND)[0]
         # Rotations by over 0.3 rad are beyond the linear range.
         correction *= 0.3 / max(0.3, float(np.abs(correction[:-1]).max()))
-        attitudes = turned(attitudes, correction[:-1].reshape(n, 3))
+        attitude = turned(attitude, np.asarray(correction[:-1]))
         period += float(correction[-1])
         if not period > 0:
             break
@@ -161,8 +167,7 @@ def monodromy_of(
     The monodromy maps a small rotation of the start to the rotation of the end, in frame axes. The
     determinant is exact for periodic motions only.
     """
-    # The rotations about the three axes are integrated in parallel lanes of the compiled steps.
-    # The three turns about the axes are followed side by side, a lane each of the compiled steps.
+    # The rotations about the three axes are integrated in parallel lanes of the compiled step.
     starts = Starts(parameters, np.tile(attitude, (3, 1)), np.tile(momentum, (3, 1)))
     rest = np.concatenate([np.eye(3), np.zeros((3, 2))], axis=1)
     states, status = starts.march(DEVIATION, rest, np.array([period]), STEP_TOLERANCE)
@@ -194,6 +199,206 @@ def multipliers_of(monodromy: Array, volume: float, momentum: Array) -> Array:
     return values[np.argsort(-np.abs(values))]
 
 
-def nearest(points: Array, others: Array) -> Array:
-    """Return the distance (n,) from each of points (n, k) to the nearest of others (m, k)."""
-    return np.array([np.linalg.norm(others - point, axis=1).min() for point in points])
+def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
+    """Return the periodic orbit near (L, l) of g = 0 that closes at its first return.
+
+    Raises InputError if Newton's method does not converge.
+    """
+    # The given point may cross in either direction, so start from its next crossing.
+    attitudes, momenta = section_starts(L, l, f)
+    first = sections_of(parameters, attitudes, momenta, 1)
+    if first.status.any():
+        raise InputError("the orbit never returns to the section: choose another point (L, l)")
+    # A return is a crossing in the same direction.
+    direction = int(first.directions[0, 0])
+    same_way = sections_of(parameters, attitudes, momenta, 2, direction=direction)
+    period = float(same_way.times[0, 1] - same_way.times[0, 0])
+    return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
+
+
+def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 64) -> list[Cycle]:
+    """Find the limit cycles of (4.1), stable and unstable, with periods up to `longest` [s].
+
+    Returns one of each pair C, -C. Orbits are followed from `starts` points of each arc until they
+    return; two cycles between neighbouring points may both be missed. Raises InputError for a
+    classical ball and if fixed points are not isolated.
+    """
+    cycles: list[Cycle] = []
+    curves: list[Array] = []
+    points = fixed_points(parameters)
+    centres = _of_index_one(points)
+
+    def known(gamma: Array) -> bool:
+        return any(_lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
+
+    # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
+    for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
+        # Two arcs per point: a cycle that passes close to the end of one is clear of the other.
+        for arc in (np.stack([gamma, side]) for gamma in centres for side in tangents(gamma)):
+            for gamma, period in _returning(ball, arc, longest, starts):
+                # Checked before, to save closing it, and again with the exact point.
+                if known(gamma) or (cycle := _closed(ball, gamma, period)) is None:
+                    continue
+                if cycle.period > longest or known(cycle.gamma):
+                    continue
+                # Reversing time inverts the multipliers.
+                cycles.append(replace(cycle, multipliers=cycle.multipliers**sense))
+                curves.append(curve_of(ball, cycle.gamma, cycle.period))
+    return cycles
+
+
+def _of_index_one(points: list[FixedPoint]) -> list[Array]:
+    """Return γ (3,) of the fixed points of index 1, one of each pair ±γ."""
+    representatives: list[Array] = []
+    for point in points:
+        if point.kind not in ("saddle", "degenerate") and not any(
+            np.abs(point.gamma + gamma).max() < 1e-6 for gamma in representatives
+        ):
+            representatives.append(point.gamma)
+    return representatives
+
+
+def _returning(
+    parameters: Parameters,
+    arc: Array,
+    longest: float,
+    starts: int,
+    part: tuple[float, float] = (0.0, np.pi),
+) -> Iterator[tuple[Array, float]]:
+    """Yield γ (3,) near crossings of attracting cycles with an arc, and approximate periods [s].
+
+    arc (2, 3): unit vectors of `on_circle`; the arc is 0 < ψ < π, from the first vector through the
+    second to the first's opposite. part: the interval of ψ to search.
+
+    At a cycle the return angle, relative to the start's, changes from ahead to behind. Orbits do
+    not cross, so returns keep their order wherever the return map is continuous; a decrease by more
+    than the spacing is a jump. Jumps, and the ends of the set of returning starts, are searched
+    once more with finer spacing.
+    """
+    apart = (part[1] - part[0]) / starts
+    # Midpoints of equal intervals: the ends of an arc are fixed points, which never return.
+    angles = np.linspace(*part, 2 * starts + 1)[1::2]
+    ahead, times = _first_returns(parameters, arc, angles, longest)
+    gap = ahead - angles
+    gap[np.abs(gap) < _NOISE] = 0.0
+    fall = gap[:-1] - gap[1:]
+    for i in range(starts - 1):
+        if np.abs(fall[i]) <= apart + _NOISE:  # false for NaN
+            if gap[i] >= 0 >= gap[i + 1] and fall[i] > 0:
+                yield on_circle(arc, angles[i] + gap[i] / fall[i] * apart), float(times[i])
+        elif part == (0.0, np.pi) and min(abs(gap[i]), abs(gap[i + 1])) < 2 * apart:
+            between = float(angles[i]), float(angles[i + 1])
+            yield from _returning(parameters, arc, longest, _CLOSER, between)
+
+
+def _first_returns(
+    parameters: Parameters, arc: Array, angles: Array, longest: float
+) -> tuple[Array, Array]:
+    """Return the angles (n,) and times (n,) [s] of first return to an arc; NaN if none."""
+    (centre, across), gamma = arc, on_circle(arc, angles)
+    normal = np.cross(centre, across)
+    # Any heading: with M = 0 a rotation about the vertical changes nothing.
+    first = np.broadcast_to(normal, gamma.shape)
+    attitudes = from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=1))
+    way = np.sign(normal @ np.stack(flow(parameters, tuple(gamma.T))))
+    starts = Starts(parameters, attitudes, np.zeros_like(gamma))
+    numbers = np.concatenate([np.outer(way, normal), np.tile(across, (len(way), 1))], axis=1)
+    times, states, *_ = crossings(starts, ARC, numbers, 1, 1, _RETURN_TOLERANCE, longest)
+    back = np.stack(eq.space_axes(components(states[:, 0]))[2], axis=-1)
+    return np.arctan2(back @ across, back @ centre), times[:, 0]
+
+
+def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
+    """Return the cycle near γ (3,) with about this period [s] or half of it, or None."""
+    cycle = _closed_near(parameters, gamma, period)
+    if cycle is None:
+        return None
+    # From half the period, Newton's method finds the same cycle only if that is its period.
+    half = _closed_near(parameters, cycle.gamma, cycle.period / 2)
+    same = half is not None and np.linalg.norm(half.gamma - cycle.gamma) < _SAME
+    return half if same else cycle
+
+
+def _closed_near(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
+    try:
+        cycle = close(parameters, attitude_at(gamma), _NO_MOMENTUM, period)
+    except InputError:
+        return None
+    # A fixed point closes after any time, too.
+    rate = np.linalg.norm(flow(parameters, as_vector(cycle.gamma)))
+    moves = rate > _AT_REST * rate_scale(parameters)
+    return cycle if moves and abs(cycle.multipliers[0] - 1) > _HYPERBOLIC else None
+
+
+def reversed_in_time(parameters: Parameters) -> Parameters:
+    """Return the ball whose motions run backwards in time: ω is linear in (M, K, Ω)."""
+    return replace(
+        parameters, Omega=eq.scale(-1.0, parameters.Omega), K=eq.scale(-1.0, parameters.K)
+    )
+
+
+def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
+    """Return γ (_SAMPLES, 3) over one period, starting from γ (3,)."""
+    times = np.linspace(0.0, period, _SAMPLES)
+    return rotation_matrix(orbit(parameters, attitude_at(gamma), _NO_MOMENTUM, times)[:, :4])[:, 2]
+
+
+def involute(gamma: Array) -> Array:
+    """Return the area-preserving map coordinates φ, γ₃ (..., 2) of points γ (..., 3) [rad, -].
+
+    φ = π/4 + arctan(γ₁/γ₂), from 0 to 2π, as in the paper's Figs 6 to 8. For a line γ (n, 3), φ is
+    NaN where it jumps by 2π, so that no segment is drawn across the map.
+    """
+    phi = (np.pi / 4 + np.arctan2(gamma[..., 0], gamma[..., 1])) % (2 * np.pi)
+    if phi.ndim:
+        phi[1:][np.abs(np.diff(phi)) > np.pi] = np.nan
+    return np.stack([phi, gamma[..., 2]], axis=-1)
+
+
+def _lies_on(gamma: Array, curve: Array) -> bool:
+    """Return whether γ (3,) is within one sample spacing of a closed curve (n, 3)."""
+    spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
+    return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
+
+
+@dataclass(frozen=True)
+class _Separatrix(Value):
+    """Half of a saddle's manifold; path: γ (n, 3) from the saddle on; end: where it ends."""
+
+    saddle: FixedPoint
+    stable: bool
+    path: Array
+    end: FixedPoint | None
+
+
+def separatrices(
+    parameters: Parameters, points: Sequence[FixedPoint], duration: float
+) -> list[_Separatrix]:
+    """Follow both halves of both manifolds of every saddle for a duration [s]."""
+    times = sample_times(duration, _INTERVAL)
+    lines = []
+    # The stable manifold is the unstable one of the time-reversed ball.
+    for stable, ball in ((False, parameters), (True, reversed_in_time(parameters))):
+        halves = [(point, sign) for point in points if point.kind == "saddle" for sign in (1, -1)]
+        if not halves:
+            return []
+        starts = np.array([_near(ball, point.gamma, sign) for point, sign in halves])
+        runs = orbits(ball, attitude_at(starts), np.zeros_like(starts), times)
+        for (saddle, _), attitudes in zip(halves, runs.attitudes, strict=True):
+            path = rotation_matrix(attitudes)[:, 2]
+            lines.append(_Separatrix(saddle, stable, path, _reached(path[-1], points)))
+    return lines
+
+
+def _near(parameters: Parameters, gamma: Array, sign: int) -> Array:
+    """Return a point (3,) near the saddle γ (3,), along the unstable direction."""
+    values, vectors = np.linalg.eig(jacobian(parameters, gamma))
+    out = vectors[:, np.argmax(values.real)].real @ tangents(gamma)
+    beside = gamma + sign * _OFFSET * out
+    return beside / np.linalg.norm(beside)
+
+
+def _reached(gamma: Array, points: Sequence[FixedPoint]) -> FixedPoint | None:
+    """Return the fixed point within _REACHED of γ (3,), or None."""
+    nearest = min(points, key=lambda point: float(np.linalg.norm(point.gamma - gamma)))
+    return nearest if np.linalg.norm(nearest.gamma - gamma) < _REACHED else None

@@ -17,17 +17,23 @@ have γ₁ = 0 (called Δ) or γ₂ = 0 (called Θ). With γⱼ = sin φ and γ�
     sin(2φ + ν) = κ,  ν = atan2(Ω₃, Ωⱼ),  κ = (2aⱼa₃K₃/(a₃ - aⱼ) - Ω₃)/√(Ωⱼ² + Ω₃²),
 
 with four solutions if |κ| < 1. The paper's ν₁, κ₁ belong to Δ (j = 2), ν₂, κ₂ to Θ (j = 1).
+
+*Linear part and first Lyapunov value* of the flow of γ and M at an equilibrium, also for M ≠ 0. On
+a level of γ², M² and (M, γ) the flow has two coordinates from rest, otherwise three. The equations
+are analytic, so derivatives are computed from complex arguments, exact to rounding: first ones with
+a tiny imaginary step, higher ones with Cauchy's integral over circles.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eig
 
-from robotball.dynamics.normal_forms import flow_near, linear_part, lyapunov_value
 from robotball.engines.equations import scene_of
 from robotball.errors import InputError
 from robotball.robot import formulas as eq
@@ -48,10 +54,17 @@ _REST = (0.0, 0.0, 0.0)
 _GENERIC = rotation_matrix(np.array([0.51, 0.29, -0.63, 0.503]))
 _EIGENVALUE_ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
 _SAME_SOLUTION = 1e-7  # distance below which two solutions are the same
-_MOST_SAMPLES = 100_000  # of a line beside the circle
 _ROUNDING = 1e-14  # relative to the terms of a sum: a smaller result is zero
 _EQUAL = 1e-12  # relative difference below which two moments are equal
 _SAME = 1e-6  # distance of unit vectors below which a point has the name of a closed-form point
+
+_Numbers = NDArray[Any]
+Flow = Callable[[_Numbers], _Numbers]
+"""Rates of coordinates (n, ...), possibly complex; zero at the equilibrium, the origin."""
+_STEP = 1e-30j  # its square vanishes
+# Aliasing falls as _RADIUS^_COUNT; rounding of a third derivative grows as _RADIUS^-3. With these
+# values both are about 1e-12 of the rates.
+_COUNT, _RADIUS = 32, 0.05
 
 
 @dataclass(frozen=True)
@@ -314,12 +327,15 @@ class FixedCircle(Value):
     """Circle of fixed points γ = cos ψ axes[0] + sin ψ axes[1]; those with sin 2ψ > 0 attract.
 
     axes (2, 3): unit vectors orthogonal to Ω, right-handed with it, at which Σ_s and Σ_u meet.
-    index: contribution of the whole circle to the sum of indices, which is 2 on the sphere.
     """
 
     parameters: Parameters
     axes: Array
-    index: int
+
+    @property
+    def index(self) -> int:
+        """Contribution of the circle to the sum of indices, which is 2 on the sphere."""
+        return 2 - index_sum(fixed_points(self.parameters))
 
     def at(self, angles: Array) -> Array:
         """Return γ (n, 3) at angles ψ (n,) [rad]."""
@@ -342,29 +358,7 @@ def fixed_circle(parameters: Parameters) -> FixedCircle | None:
     weights, vectors = np.linalg.eigh(plane * parameters.A @ plane.T)
     larger = vectors[:, np.argmax(weights)] @ plane
     axes = np.stack([larger, np.cross(along, larger)])
-    return FixedCircle(parameters, axes, _index_of(parameters, axes))
-
-
-def _index_of(parameters: Parameters, axes: Array) -> int:
-    """Return the winding number of (4.1) on a line just below the circle minus one just above.
-
-    No other fixed point lies between these lines.
-    """
-    along = np.cross(*axes)
-    # The other fixed points are principal axes. The line must pass below the nearest of them, with
-    # samples much closer than its distance, over which the flow reverses.
-    heights = np.abs(along)[np.abs(along) > 1e-9]  # of the principal axes above the circle
-    height = min(0.02, float(heights.min()) / 2)
-    samples = min(_MOST_SAMPLES, int(40 / height))
-    angle = np.linspace(0.0, 2 * np.pi, samples + 1)
-    out, ahead = on_circle(axes, angle), on_circle(axes, angle + np.pi / 2)
-    turns = []
-    for sign in (-1.0, 1.0):
-        gamma = np.sqrt(1 - height**2) * out + sign * height * along
-        rate = np.stack(flow(parameters, tuple(gamma.T)), axis=1)
-        direction = np.unwrap(np.arctan2(rate @ along, (rate * ahead).sum(axis=1)))
-        turns.append(round(float(direction[-1] - direction[0]) / (2 * np.pi)))
-    return turns[0] - turns[1]
+    return FixedCircle(parameters, axes)
 
 
 def _without_rounding(parameters: Parameters) -> Parameters:
@@ -438,3 +432,73 @@ def name_of(parameters: Parameters, gamma: Array) -> str:
     # _SAME is far above the error of Newton's method and far below the distance of two points.
     near = (name for name, point in points.items() if np.abs(point - gamma).max() < _SAME)
     return next(near, "")
+
+
+def flow_near(parameters: Parameters, gamma: Array, M: Array | None = None) -> Flow:
+    """Return the flow near γ (3,) and M (3,) in frame axes, or near γ with M = 0 if M is None.
+
+    With M = 0 the coordinates are those of the tangent plane at γ, along `tangents`, projected from
+    the centre. Otherwise they are tan(θ/2) n for a rotation by θ about n, in frame axes.
+    """
+    return _rest_flow(parameters, gamma) if M is None else _turning_flow(parameters, gamma, M)
+
+
+def _rest_flow(parameters: Parameters, gamma: Array) -> Flow:
+    basis = tangents(gamma)
+
+    def flow(x: _Numbers) -> _Numbers:
+        point = tuple(np.moveaxis(np.tensordot(x, basis, (0, 0)) + gamma, -1, 0))
+        omega = parameters.angular_velocity((0.0, 0.0, 0.0), point)
+        rate = np.stack(eq.cross(point, omega))
+        # The second term removes the radial component.
+        return np.asarray(np.tensordot(basis, rate, 1) - x * np.tensordot(gamma, rate, 1))
+
+    return flow
+
+
+def _turning_flow(parameters: Parameters, gamma: Array, M: Array) -> Flow:
+    def flow(x: _Numbers) -> _Numbers:
+        turn = (1.0, x[0], x[1], x[2])
+        axes = eq.space_axes(turn)
+        moved = [eq.seen_from_frame(tuple(v), axes) for v in (M, gamma)]
+        rate = eq.attitude_rate(turn, parameters.angular_velocity(*moved))
+        return np.stack(rate[1:]) - x * rate[0]
+
+    return flow
+
+
+def linear_part(flow: Flow, size: int) -> Array:
+    """Return the Jacobian (n, n) of a flow with n = `size` coordinates [1/s]."""
+    return np.stack([flow(_STEP * e).imag / _STEP.imag for e in np.eye(size)], axis=1)
+
+
+def lyapunov_value(flow: Flow, size: int) -> float:
+    """Return the first Lyapunov value l₁ for eigenvalues ±iν, averaged over a period [1/s].
+
+    dr/dt = l₁r³ for the motion r Re(q exp(iφ)) in the flow's coordinates, with the eigenvector q,
+    |q|² = 1. If l₁ < 0 the motion settles, and a cycle born here attracts. Other coordinates change
+    the value, but not its sign. Kuznetsov, Elements of Applied Bifurcation Theory, chapter 5,
+    formula for n dimensions.
+    """
+    linear = linear_part(flow, size)
+    values, vectors = np.linalg.eig(linear)
+    i = int(np.argmax(values.imag))
+    q, nu = vectors[:, i], values[i].imag
+    taylor = _taylor(flow, q, q.conj())
+    shift = np.linalg.solve(linear, taylor[:, 1, 1])
+    double = np.linalg.solve(2j * nu * np.eye(size) - linear, 2 * taylor[:, 2, 0])
+    cubic = 2 * taylor[:, 2, 1] - 2 * _taylor(flow, q, shift)[:, 1, 1]
+    cubic += _taylor(flow, q.conj(), double)[:, 1, 1]
+    # Equals Re c₁/4 of dz/dt = iνz + c₁z|z|², because r = 2|z|.
+    return float((np.linalg.inv(vectors)[i] @ cubic).real / 8)
+
+
+def _taylor(flow: Flow, u: _Numbers, v: _Numbers) -> _Numbers:
+    """Return the coefficients (n, 4, 4) of z^i w^j of a flow at zu + wv; u, v (n,) complex."""
+    sizes = [float(np.linalg.norm(vector)) or 1.0 for vector in (u, v)]
+    circle = _RADIUS * np.exp(2j * np.pi * np.arange(_COUNT) / _COUNT)
+    plane = np.multiply.outer(u / sizes[0], circle)[:, :, None]
+    plane = plane + np.multiply.outer(v / sizes[1], circle)[:, None]
+    orders = np.arange(4)
+    powers = np.multiply.outer(*((_RADIUS / size) ** orders for size in sizes))
+    return np.fft.fft2(flow(plane))[:, :4, :4] / _COUNT**2 / powers

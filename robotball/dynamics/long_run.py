@@ -1,4 +1,4 @@
-"""Long motions: Lyapunov exponents, drift of the contact point, basins of attraction.
+"""Long motions: Lyapunov exponents and basins of attraction.
 
 With M ≠ 0 the motion is a flow on the three-dimensional rotation group. The small rotation ξ to a
 neighbouring motion obeys dξ/dt = Dω·ξ - ω×ξ, and its mean growth rate is λ₁ (Benettin, Galgani,
@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
-from robotball.dynamics.cycles import Cycle, close, nearest
+from robotball.dynamics.cycles import Cycle, close
 from robotball.dynamics.sections import sections_of, starts_of
 from robotball.errors import InputError
 from robotball.robot.ball import Value
@@ -24,7 +25,7 @@ from robotball.robot.formulas import Parameters, speed_bound
 from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.theory.ensembles.orbits import LONG_RUN_TOLERANCE, Balls, Integers, Starts, orbits
-from robotball.theory.ensembles.steppers import DEVIATION, PATH, System
+from robotball.theory.ensembles.steppers import DEVIATION
 
 # An arbitrary initial deviation: the transient turns it into the direction of fastest growth.
 ANY_TURN = (0.6, 0.48, 0.64)
@@ -132,11 +133,7 @@ def exponents(
 
 
 def exponents_of(
-    balls: Balls,
-    attitudes: Array,
-    momenta: Array,
-    duration: float,
-    transient: float = 1000.0,
+    balls: Balls, attitudes: Array, momenta: Array, duration: float, transient: float = 1000.0
 ) -> Exponents:
     """Estimate the Lyapunov exponents of n motions over `duration` after a `transient` [s].
 
@@ -146,67 +143,16 @@ def exponents_of(
     starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all():
         raise InputError("exponents need M other than zero; at M = 0 the motion is on the sphere")
-    rest = np.tile([*ANY_TURN, 0.0, 0.0], (len(starts.rows), 1))
-    halves = _mean_rates(starts, DEVIATION, rest, duration, transient)
-    return Exponents(halves[..., 7], halves[..., 8].mean(axis=1), duration)
-
-
-def _mean_rates(
-    starts: Starts, system: System, rest: Array, duration: float, transient: float
-) -> Array:
-    """Return the mean rates (n, 2, size) of a system in each half of `duration` [s].
-
-    rest: see `Starts.rows_of`. The states are in axes aligned with M.
-    """
     if not (duration > 0 and transient > 0):
         raise InputError("duration and transient must be positive")
+    rest = np.tile([*ANY_TURN, 0.0, 0.0], (len(starts.rows), 1))
     times = transient + duration * np.array([0.0, 0.5, 1.0])
-    states, status = starts.march(system, rest, times, LONG_RUN_TOLERANCE)
+    states, status = starts.march(DEVIATION, rest, times, LONG_RUN_TOLERANCE)
     if status.any():
         raise InputError(f"{np.count_nonzero(status)} motions could not be integrated")
     # Differences between the ends of each half: growth during the transient does not count.
-    return np.diff(states, axis=1) / (duration / 2)
-
-
-@dataclass(frozen=True)
-class Drift(Value):
-    """Mean velocities of n contact points along and across their momenta.
-
-    velocities (n, 2) [m/s]: along OX = -M/√f of section 3.3, different for each start, and along
-    OY to its left. duration [s]: over which the means are taken.
-    """
-
-    velocities: Array
-    duration: float
-
-    @property
-    def mean(self) -> Array:
-        """Mean velocity (2,) over the starts [m/s]."""
-        return self.velocities.mean(axis=0)
-
-    @property
-    def error(self) -> Array:
-        """Standard error (2,) of `mean` from the scatter of the starts [m/s]."""
-        return np.array([standard_error(component) for component in self.velocities.T])
-
-
-def drift(
-    parameters: Parameters,
-    attitudes: Array,
-    momenta: Array,
-    duration: float,
-    transient: float = 1000.0,
-) -> Drift:
-    """Estimate the mean velocity of the contact point over `duration` after a `transient` [s].
-
-    attitudes (n, 4), momenta (n, 3): as for `orbits`. Raises InputError for invalid starts or
-    durations, and if an integration fails.
-    """
-    starts = Starts(parameters, attitudes, momenta)
-    origin = np.zeros((len(starts.rows), 2))
-    # In the aligned axes each momentum points along -X, so X is OX.
-    rates = _mean_rates(starts, PATH, origin, duration, transient)
-    return Drift(rates.mean(axis=1)[:, 4:], duration)
+    halves = np.diff(states, axis=1) / (duration / 2)
+    return Exponents(halves[..., 7], halves[..., 8].mean(axis=1), duration)
 
 
 def _kaplan_yorke(largest: float, smallest: float) -> float:
@@ -274,7 +220,8 @@ def basins(
             continue
         # Label all starts on this cycle at once, so that it is closed only once.
         on_cycle = sections_of(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
-        reached: Mask = nearest(points[:, -1], on_cycle.states[0]) < _REACHED
+        nearest = cdist(points[:, -1], on_cycle.states[0]).min(axis=1)
+        reached: Mask = nearest < _REACHED
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)

@@ -8,7 +8,7 @@ engine's motion, values and exact rates are known at the samples: vectors v that
 space have the rate v×ω in frame axes. Between samples they are interpolated with cubic Hermite
 polynomials.
 
-In order: crossings of the equations, periodic orbits, crossings of a sampled motion.
+In order: crossings of the equations, stroboscopic maps, crossings of a sampled motion.
 """
 
 import math
@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
-from robotball.dynamics.cycles import Cycle, close
 from robotball.engines.equations import integrate, scene_of
 from robotball.engines.many_motions import FromStarts
 from robotball.errors import InputError, check_count
@@ -53,9 +52,6 @@ _STEPS_PER_CROSSING = 100_000
 _MOST_PERIODS = 1000  # largest number of one drive's periods in the common period
 _ON_PERIOD = 1e-9  # of a period: rounding of commensurable frequencies
 _ON_SECTION = 1e-10  # a start nearer than this is on the section and does not count as a crossing
-_LINES = 4  # strongest spectral lines that are tried: the strongest may be a multiple of ρ
-_CORRECTIONS = 4
-_HARMONICS = 120  # enough for a smooth curve; at most an eighth of the number of points
 
 
 @dataclass(frozen=True)
@@ -98,10 +94,6 @@ class Crossings(Value):
     def only(self, direction: int) -> "Crossings":
         """Return the crossings in one direction; all of them if it is 0."""
         return self[(self.directions == direction) | (direction == 0)]
-
-    def later(self, time: float) -> "Crossings":
-        """Return the crossings, delayed by `time` [s]."""
-        return replace(self, times=self.times + time)
 
 
 def joined(parts: Sequence[Crossings]) -> Crossings:
@@ -279,24 +271,6 @@ def section_starts(
         for L_, l_ in zip(np.ravel(L), np.ravel(l), strict=True)
     ]
     return np.array([s.attitude for s in starts]), np.array([s.momentum for s in starts])
-
-
-def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
-    """Return the periodic orbit near (L, l) of g = 0 that closes at its first return.
-
-    Raises InputError if Newton's method does not converge.
-    """
-    # The given point may cross in either direction, so start from its next crossing.
-    # The given point need not be on a crossing that the map counts: it starts at the next one.
-    attitudes, momenta = section_starts(L, l, f)
-    first = sections_of(parameters, attitudes, momenta, 1)
-    if first.status.any():
-        raise InputError("the orbit never returns to the section: choose another point (L, l)")
-    # A return is a crossing in the same direction.
-    direction = int(first.directions[0, 0])
-    same_way = sections_of(parameters, attitudes, momenta, 2, direction=direction)
-    period = float(same_way.times[0, 1] - same_way.times[0, 0])
-    return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
 
 
 def period_of(scene: Scene) -> float:

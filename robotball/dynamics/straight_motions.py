@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.dynamics.normal_forms import flow_near, linear_part
+from robotball.dynamics.equilibria import flow_near, linear_part
 from robotball.errors import InputError
 from robotball.robot import formulas as eq
 from robotball.robot.ball import Value

@@ -16,10 +16,8 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from robotball.dynamics import continuation as co
-from robotball.dynamics.cycles import Cycle
 from robotball.dynamics.equilibria import attitude_at
-from robotball.dynamics.families import momentum_across
-from robotball.dynamics.motion_branches import Range, sought
+from robotball.dynamics.motion_branches import Range, momentum_across, sought
 from robotball.dynamics.sections import own_start, period_of, strobed
 from robotball.errors import InputError, unknown
 from robotball.motion import Motion
@@ -60,11 +58,7 @@ def numbers_of(scene: Scene) -> dict[str, float]:
 
 
 def _with_number(scene: Scene, name: str, value: float) -> Scene:
-    """Return the scene with one of its numbers changed; the frequency scales all sines.
-
-    Raises InputError for an unknown name, and for the frequency if full turns of a hinge determine
-    the period.
-    """
+    """Return the scene with one of its numbers changed; the frequency scales all sines."""
 
     def faster(drive: Drive) -> Drive:
         if isinstance(drive, Total):
@@ -256,17 +250,3 @@ def swinging(family: Driven, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]
         rough_points = (co.reached(rough, np.append(u, s), lost=watch.lost) for u in starts)
         refined = (point.x for points in rough_points for point in points)
         yield from co.explore(fine, refined, branches)
-
-
-def close_strobed(scene: Scene, attitude: Array, momentum: Array) -> Cycle:
-    """Return the periodic motion near an attitude (4,) of the principal axes and M (3,), world.
-
-    Raises InputError if Newton's method does not converge.
-    """
-    frequency = 1 / period_of(scene)
-    family = Driven(scene, "frequency", frequency, frequency)
-    x = np.array([*family.vector(attitude, momentum), -np.log(frequency), 0.0])
-    point = co.corrected(family.problem(), x)
-    values = np.exp(point.exponents)
-    state = family.state(point.x[:-2], scene)
-    return Cycle(*state, 1 / frequency, values[np.argsort(-np.abs(values))])

@@ -47,7 +47,6 @@ class Estimate:
     unit : str
         The unit of these three.
     determined : bool
-        Whether the logs constrain the number.
         Whether the logs constrain it.
 
     Examples

@@ -15,19 +15,8 @@ from scipy.optimize import least_squares
 
 from robotball.errors import LARGEST, InputError, check_positive, named, unknown
 from robotball.files.numbers import Numbers
-from robotball.fit.evidence import (
-    NO_EVIDENCE,
-    Estimate,
-    SensorFit,
-    at_limits,
-    chi2_of,
-    contradicting,
-    estimates_at,
-    influences,
-    probability_of,
-    sensor_fits,
-    strays,
-)
+from robotball.fit import evidence
+from robotball.fit.evidence import NO_EVIDENCE, Estimate, SensorFit, chi2_of
 from robotball.fit.logs import Log, logs_of
 from robotball.fit.residuals import (
     FIRST,
@@ -130,7 +119,7 @@ class Fit(Value):
     @property
     def strays(self) -> tuple[SensorFit, ...]:
         """The sensors that the model fails to explain, the worst first."""
-        return tuple(strays((*self.sensors, *self.held_out)))
+        return tuple(evidence.strays((*self.sensors, *self.held_out)))
 
 
 def fit(
@@ -219,15 +208,15 @@ def fit(
         raise InputError("no log to fit: add a log, or hold out none")
     x, residuals, J, complete = solve(shared, fitted, progress=progress)
     left = residuals(x)
-    estimates, covariance, undetermined = estimates_at(residuals, x, J)
+    estimates, covariance, undetermined = evidence.estimates_at(residuals, x, J)
     found = tuple(estimates[: len(shared)])
-    sensors = [*sensor_fits(residuals, x, len(x) / len(left))]
+    sensors = [*evidence.sensor_fits(residuals, x, len(x) / len(left))]
     held_out: list[SensorFit] = []
     if hold_out is not None:
         # For the held-out log only its initial state is fitted.
         fixed = {estimate.name: estimate.value for estimate in found}
         y, others, *_ = solve([], [sensed[hold_out]], fixed=fixed)
-        held_out = [*sensor_fits(others, y, len(y) / len(others(y)))]
+        held_out = [*evidence.sensor_fits(others, y, len(y) / len(others(y)))]
     fitted_scene = residuals.scene(0, residuals.values(x))
     block = covariance[: len(shared), : len(shared)]
     scale = np.sqrt(np.diag(block))
@@ -236,7 +225,7 @@ def fit(
     felt = of_scene_ | (np.linalg.norm(J, axis=0) > 0)
     chi2, degrees = chi2_of(left), max(len(left) - int(felt.sum()), 1)
     probability = partial(
-        probability_of,
+        evidence.probability_of,
         degrees=degrees,
         count=len(left),
         estimated=any(flag for log in fitted for flag in log.estimated),
@@ -253,9 +242,9 @@ def fit(
         sensors=tuple(sensors),
         held_out=tuple(held_out),
         undetermined=tuple(undetermined),
-        contradictions=tuple(contradicting(logs, strays([*sensors, *held_out]))),
-        at_limits=tuple(at_limits(residuals, x)),
-        influences=tuple(influences(residuals, x, J, found, probability)),
+        contradictions=tuple(evidence.contradicting(logs, evidence.strays([*sensors, *held_out]))),
+        at_limits=tuple(evidence.at_limits(residuals, x)),
+        influences=tuple(evidence.influences(residuals, x, J, found, probability)),
         complete=complete,
     )
 
@@ -307,11 +296,7 @@ def _solved(
     progress: Callable[[float, float], None] | None = None,
     fixed: Mapping[str, float] | None = None,
 ) -> tuple[Array, Residuals, Array, bool]:
-    """Return the solution, the residuals, their derivative there and whether the fit converged.
-
-    In a narrow valley one-sided differences produce a false slope along it, as large as the slope
-    that distinguishes the numbers. The last steps and the derivative use central differences.
-    """
+    """Return the solution, the residuals, their derivative and whether the fit converged."""
     unknowns = list(shared)
     for k, fitted_log in enumerate(logs):
         unknowns += of_log(fitted_log.start, fitted_log.log, k, circumstances)

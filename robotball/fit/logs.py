@@ -153,9 +153,9 @@ def read_log(path: str | Path, scene: Scene | str | Path) -> Log:
 
 
 def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -> list[Log]:
-    """Return one log or several, with those that are files read."""
-    given = [logs] if isinstance(logs, Log | str | Path) else logs
-    return [each if isinstance(each, Log) else read_log(each, scene) for each in given]
+    """Return one or several logs, after reading the files among them."""
+    several = [logs] if isinstance(logs, Log | str | Path) else logs
+    return [log if isinstance(log, Log) else read_log(log, scene) for log in several]
 
 
 def _log_of(table: Table, name: str, scene: Scene) -> Log:

@@ -370,11 +370,7 @@ class Residuals:
         return np.copysign(np.sqrt(LOSSES[self.loss](left**2)), left)
 
     def _by_motion(self, k: int, at: tuple[float, ...]) -> dict[int, Array]:
-        """Return the derivatives (n,) of a log's residuals by unknowns that affect its motion.
-
-        Unknowns that shift breakpoints or reading times are left out. Empty for runs with an
-        engine, and for a scene with a controller.
-        """
+        """Return the derivatives (n,) of a log's residuals by unknowns that affect its motion."""
         from robotball.theory.multibody.integration import integrate_together  # loads numba
 
         if self.run is not by_equations:

@@ -32,10 +32,7 @@ _AXES = "xyz"
 
 @dataclass(frozen=True)
 class _SceneNumbers(Numbers):
-    """Hold the tables of a scene file, with its numbers by path.
-
-    name: of the scene; folder: of files that it refers to; tables: with defaults filled in.
-    """
+    """The tables of a scene file, with defaults filled in, and its numbers by path."""
 
     name: str
     folder: Path
@@ -132,17 +129,15 @@ def _tables_of(source: object, text: str | bytes) -> Mapping[str, Any]:
     return dict(msgspec.json.decode(msgspec.json.encode(table)))
 
 
-def _numbers(
-    words: tuple[str, ...], place: _KeyPath, value: object
-) -> Iterator[tuple[str, Number]]:
+def _numbers(path: tuple[str, ...], place: _KeyPath, value: object) -> Iterator[tuple[str, Number]]:
     if isinstance(value, bool):
         return
     if isinstance(value, int | float):
         unit = unit_at(".".join(key for key in place if isinstance(key, str)))
-        yield ".".join(words), Number(float(value), unit, place)
+        yield ".".join(path), Number(float(value), unit, place)
     elif isinstance(value, dict):
         for key, inner in value.items():
-            yield from _numbers((*words, key), (*place, key), inner)
+            yield from _numbers((*path, key), (*place, key), inner)
     elif isinstance(value, list | tuple):
         triple = len(value) == len(_AXES) and not isinstance(value[0], dict)
         for i, inner in enumerate(value):
@@ -151,5 +146,5 @@ def _numbers(
             title = inner.get("name") if isinstance(inner, dict) else None
             word = title or (_AXES[i] if triple else str(i + 1))
             # Rotors and pendulums have the names of their hinges: rotor1, pendulum1.
-            path = (f"{words[0]}{word}",) if len(words) == 1 else (*words, word)
-            yield from _numbers(path, (*place, i), inner)
+            inner_path = (f"{path[0]}{word}",) if len(path) == 1 else (*path, word)
+            yield from _numbers(inner_path, (*place, i), inner)

@@ -166,11 +166,7 @@ def of_shell(motion: Motion) -> Array:
 
 
 def _carried(motion: Motion, rows: Rows, name: str) -> tuple[Array, Array]:
-    """Return the attitude (n, 4) of a body, and its angular velocity (n, 3) in its axes.
-
-    name: "" for the body of `Motion.attitude`, or a link's name with "_". A link's axes coincide
-    with the shell's if all joint angles are 0.
-    """
+    """Return the attitude (n, 4) and angular velocity (n, 3) of a body, in its own axes."""
     names = ["", *(f"{hinge.name}_" for hinge in motion.scene.hinges)]
     if (i := names.index(name) if name in names else 0) == 0:
         return motion.attitude[rows], motion.angular_velocity[rows]
@@ -210,10 +206,7 @@ def _position(sensor: Sensor, motion: Motion, rows: Rows, amounts: Mapping[str, 
 
 
 def _specific_force(motion: Motion, rows: Rows, amounts: Mapping[str, Array]) -> Array:
-    """Return the reading (n, 3) of an accelerometer on the frame, frame axes [m/s²].
-
-    It is acceleration minus gravity: at rest it reads +g upwards.
-    """
+    """Return an accelerometer's reading (n, 3), frame axes [m/s²]; at rest +g upwards."""
     scene, (before, at, after) = motion.scene, rows.reshape(3, -1)
     to_world = rotation_matrix(motion.attitude)
     turning = np.einsum("nij,nj->ni", to_world, of_shell(motion))

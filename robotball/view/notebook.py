@@ -139,7 +139,7 @@ def register(shell: Any) -> None:
 
 
 def _styled(motions: Sequence[Motion]) -> Iterator[tuple[Motion, dict[str, Any]]]:
-    from robotball.view.lines import line_looks
+    from robotball.view.tracks import line_looks
 
     for motion, look in zip(motions, line_looks(motions), strict=True):
         dash = (0, look.dash) if look.dash else "-"

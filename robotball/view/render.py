@@ -25,11 +25,10 @@ from robotball.motion import Motion
 from robotball.processes import in_processes
 from robotball.robot import looks as palette
 from robotball.robot.looks import GHOST, MARKS, Looks, looks_of
-from robotball.rotations import Array, Z, rotation_matrix
+from robotball.rotations import Array
 from robotball.view import gl
-from robotball.view.lines import colours_of, label_of
-from robotball.view.stage import LENS, Arrow, Camera, Pixels, Projection, Stage
-from robotball.view.tracks import Moments, Track, heading_of, track_of
+from robotball.view.stage import LENS, Camera, Pixels, Projection, Stage
+from robotball.view.tracks import Moments, colours_of, heading_of, label_of, track_of
 
 _FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -49,12 +48,7 @@ _BLUR_FROM, _BLUR_TO = 0.25, 0.75  # rad per frame: a rotor's marks fade out, as
 _CAMERAS = {"follow": (2.3, 24.0), "above": (2.9, 80.0), "whole": (1.7, 40.0)}
 _ASIDE = 0.6  # rad between the camera's position and the ball's heading
 _OTHER = 0.4  # opacity of the other balls' paths
-# Arrows: colour, and length in radii of the largest vector.
-_ARROWS = {"M": ("#93387A", 1.8), "ω": ("#00734F", 1.4), "contact force": ("#22262B", 1.0)}
-_SHORTEST_ARROW = 1e-3  # of the largest; shorter arrows are left out
-_ROOM = 1.3  # factor of the camera's room if arrows are drawn
 _SAME = 0.02  # radii, distance within which one ball hides another
-_CLEAR = 1.06  # radii, distance from the centre at which arrows start
 # Codec, rate factor and ffmpeg options by file suffix. The result depends on the number of threads,
 # so it is the same on every machine. The flag bitexact omits WebM's random identifier.
 _FORMATS: dict[str, tuple[str, int | None, str]] = {
@@ -163,10 +157,7 @@ class _Sheet:
 def _write(
     image: Image.Image, labels: list[_Label], font: ImageFont.FreeTypeFont, box: Array
 ) -> None:
-    """Write labels with a halo inside a box (4,), left, top, right, bottom, without overlaps.
-
-    A label moves above those in its way or, if the box has no room there, sideways to the inside.
-    """
+    """Write labels with a halo inside a box: left, top, right, bottom. They do not overlap."""
     pen, taken, halo = ImageDraw.Draw(image), list[Array](), round(font.size / 7)
     outline: dict[str, Any] = {"align": "center", "stroke_width": halo}
     for text, colour, at in labels:
@@ -211,7 +202,6 @@ class Film:
     slow : how many times slower than real time
     camera : "follow" a ball, look from "above", or fixed with the "whole" path in view
     ghost : draw all balls in one picture, the last as a ghost, instead of one picture per ball
-    arrows : draw M, ω and the contact force
     """
 
     fps: int = 30
@@ -219,7 +209,6 @@ class Film:
     slow: float = 1.0
     camera: Literal["follow", "above", "whole"] = "follow"
     ghost: bool = False
-    arrows: bool = False
 
     def __post_init__(self) -> None:
         check_positive("slow", self.slow, "")
@@ -275,10 +264,7 @@ def _painted(painter: "_Painter") -> Iterator[Pixels]:
 
 
 class _Painter:
-    """Draws frames by number, with a separate OpenGL context in each process.
-
-    Tracks have `finer` samples per frame, for smooth paths.
-    """
+    """Draw frames by number, with a separate OpenGL context in each process."""
 
     def __init__(self, motions: Sequence[Motion], film: Film) -> None:
         self.film, self.times, backend = film, film.times(motions), gl.find_backend()
@@ -295,7 +281,6 @@ class _Painter:
         corners = [shape.triangles for shapes in self.looks.values() for shape in shapes]
         # Radius that contains the ball and anything on it, such as a head above its shell.
         self.reach = max(float(np.linalg.norm(points, axis=-1).max()) for points in corners)
-        self.lengths = _lengths(self.tracks[-1], scene.momentum_scale) if film.arrows else {}
         note = "; ".join(_notes(motions, film, self.looks))
         self.sheet = _Sheet(motions, film, note, self.times, self.apart)
         all_balls, (height, width) = list(range(len(motions))), self.sheet.pane
@@ -320,22 +305,14 @@ class _Painter:
             if self.film.together and len(now) > 1:
                 opacities[-1] = GHOST
             trails = [1.0 if i in pane else _OTHER for i in balls]
-            first = pane[0]
-            arrows = _arrows(now[first], self.lengths, self.tracks[first].robot.radius)
-            drawn = list(arrows.values())
-            pictures.append(self._stage.draw(camera, opacities, trails, last, drawn))
+            pictures.append(self._stage.draw(camera, opacities, trails, last))
             centres = [stand["shell"][1][0] for stand in stands]
             outlines = {i: camera.project(centres[i], self.sheet.pane) for i in reversed(pane)}
-            heads = self._arrow_names(outlines[first], arrows, camera)
-            labels.append([*self._ball_names(k, outlines), *heads])
+            labels.append([*self._ball_names(k, outlines)])
         return self.sheet.frame(pictures, labels, float(self.times[k]))
 
     def _ball_names(self, k: int, outlines: dict[int, Projection]) -> Iterator[_Label]:
-        """Yield the name of each ball of a picture, with its distance from the reference.
-
-        It is above the ball, or below it if there are arrows. The reference ball's name is on the
-        opposite side, because another ball may be at the same place; then it says so.
-        """
+        """Yield each ball's name and distance from the reference, whose name is below it."""
         for i, (x, y, radius) in outlines.items():
             if exact := i == len(self.apart):
                 hidden = (
@@ -345,22 +322,9 @@ class _Painter:
                 off = "\nat the same place" if hidden else ""
             else:
                 off = f"\n{_metres(self.apart[i, k])} off"
-            below = bool(self.lengths) != (exact and len(outlines) > 1)
+            below = exact and len(outlines) > 1
             away = (self.reach * radius + 1.1 * self.sheet.line) * (1 if below else -1)
             yield self.sheet.names[i] + off, self.sheet.colours[i], (x, y + away)
-
-    def _arrow_names(
-        self, ball: Projection, arrows: dict[str, Arrow], camera: Camera
-    ) -> Iterator[_Label]:
-        """Yield the name of each arrow at its head, but outside the ball's outline."""
-        x, y, radius = ball
-        for name, (_, head, colour) in arrows.items():
-            u, v, _ = camera.project(head, self.sheet.pane)
-            out = float(np.hypot(u - x, v - y)) or 1.0
-            far = max(out, radius) / out
-            # Farther by half of the label's size.
-            room = np.array([0.4 + 0.27 * len(name), 0.8]) * self.sheet.line / out
-            yield name, colour, (x + (u - x) * (far + room[0]), y + (v - y) * (far + room[1]))
 
     def _blurred(self, i: int, now: Moments) -> dict[str, float]:
         turned = np.abs(now.hinge_rates[0]) / (self.film.fps * self.film.slow)
@@ -400,7 +364,7 @@ def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
     comes towards the camera; several roll across the picture, where there is most room.
     """
     room, degrees = _CAMERAS[film.camera]
-    room, up = room * (_ROOM if film.arrows else 1.0), np.radians(degrees)
+    up = np.radians(degrees)
     ahead = len(paths) == 1 and film.camera == "follow"
     azimuth = heading_of(paths[-1]) + (_ASIDE if ahead else -np.pi / 2)
     back = np.array([np.cos(azimuth), np.sin(azimuth)])
@@ -416,42 +380,6 @@ def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
     states = np.column_stack([(low + high) / 2 @ axes, far])
     states = gaussian_filter1d(states, _SMOOTH * film.fps, axis=0, mode="nearest")
     return [Camera(np.array([x, y, 0.85]), away, azimuth, up) for x, y, away in states.tolist()]
-
-
-def _vectors(now: Moments) -> dict[str, Array]:
-    omega = np.einsum("nij,nj->ni", rotation_matrix(now.attitude), now.angular_velocity)
-    return dict(zip(_ARROWS, (now.momentum, omega, now.contact_force), strict=True))
-
-
-def _lengths(track: Track, scale: float) -> dict[str, float]:
-    """Return, for each kind of arrow, the vector's magnitude that one radius represents.
-
-    scale: momentum scale [kg m²/s].
-    """
-    most = {
-        name: float(np.linalg.norm(vectors, axis=1).max())
-        for name, vectors in _vectors(track.sampled).items()
-    }
-    # At M = 0 there is only rounding.
-    most["M"] = max(most["M"], _SHORTEST_ARROW * scale)
-    return {name: size / _ARROWS[name][1] for name, size in most.items()}
-
-
-def _arrows(now: Moments, lengths: dict[str, float], radius: float) -> dict[str, Arrow]:
-    """Return the arrows at one time; the contact force's starts where its line leaves the ball."""
-    arrows = {}
-    contact = np.append(now.contact_point[0] / radius, 0.0)
-    vectors = _vectors(now)
-    for name, length in lengths.items():
-        vector = vectors[name][0]
-        size = float(np.linalg.norm(vector))
-        if size > _SHORTEST_ARROW * length:
-            along = vector / size
-            begin = contact + _CLEAR * along + Z
-            if name == "contact force":
-                begin = contact + (2 * along[2] + _CLEAR - 1) * along
-            arrows[name] = (begin, begin + vector / length, _ARROWS[name][0])
-    return arrows
 
 
 def film(
@@ -478,8 +406,7 @@ def film(
     **options
         `fps`, frames a second, 30 by default. `size`, the height and the width in pixels. `slow`,
         how many times slower than life. `camera`, which is "follow", "above" or "whole". `ghost`,
-        True for one picture with the last ball as a ghost. `arrows`, True to draw M, ω and the
-        contact force.
+        True for one picture with the last ball as a ghost.
 
     Returns
     -------

@@ -329,18 +329,12 @@ class Stage:
 
 
 def _once(opacity: Array | float) -> Array:
-    """Return the opacity that MuJoCo needs for an intended one.
-
-    It blends transparent geoms twice, front to back and back to front.
-    """
+    """Return the opacity for MuJoCo, which blends transparent geoms twice."""
     return np.asarray(1 - np.sqrt(1 - opacity))
 
 
 def _facing(back: Array) -> Array:
-    """Return unit vectors (3, 3) right, up and back of a camera that looks along -`back`.
-
-    `back` (3,) must not be vertical.
-    """
+    """Return unit vectors (3, 3) right, up and back; `back` (3,) must not be vertical."""
     right = np.cross([0.0, 0.0, 1.0], back)
     axes = np.stack([right, np.cross(back, right), back])
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)

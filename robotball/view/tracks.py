@@ -1,34 +1,83 @@
-"""Interpolate motions at any times, and place the bodies of their balls there.
+"""What pictures show of a motion: its name, line style, and interpolated path.
 
-Not imported from `motion`, because motions are displayed in notebooks through this module.
+Each engine and preset has one colour, dash and marker in all pictures. The colours are from Okabe
+and Ito and from Tol, and distinguishable for colour-blind readers.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation, Slerp
 
 from robotball.robot.mechanics import Robot
 from robotball.rotations import Array, rotation_matrix
 
+# Colour, dash and marker of each preset. Default settings have the engine's colour and marker.
+_SPARE = (("#882255", (6, 2), "d"), ("#332288", (2, 2), "^"), ("#999933", (7, 2, 2, 2), ">"))
+PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
+    "fast": ("#B08900", (7, 2, 2, 2), "D"),
+    "balanced": ("#009E73", (6, 2), "s"),
+    "accurate": ("#CC79A7", (2, 2), "^"),
+    "adaptive": ("#56B4E9", (1, 3), "v"),
+    **dict.fromkeys(("best", "mended"), _SPARE[0]),
+    **dict.fromkeys(("ideal", "contact", "kept"), _SPARE[1]),
+    **dict.fromkeys(("discrete", "RK4"), _SPARE[2]),
+}
 # Samples used on each side of the requested ones: the influence of a farther sample on a cubic
 # spline is below 1e-9.
 _MARGIN = 16
 
 
+class LineStyle(NamedTuple):
+    """Label, colour, dash (in line widths) and marker of a line."""
+
+    label: str
+    colour: str
+    dash: Sequence[float] = ()
+    marker: str = ""
+
+
+def label_of(motion: Any) -> str:
+    """Return the names of engine and settings: "MuJoCo, fast", "MuJoCo as it comes"."""
+    report = getattr(motion, "report", None)
+    if report is None:
+        return str(motion.engine.name)
+    if report.settings.name in ("naive", "as-it-comes"):
+        return f"{motion.engine.name} as it comes"
+    return f"{motion.engine.name}, {report.settings.name}"
+
+
+def line_looks(motions: Sequence[Any]) -> list[LineStyle]:
+    """Return the line style of each motion: of its preset, otherwise of its engine.
+
+    If a colour is already taken, for example by unnamed settings of the same engine, the next free
+    one is used. The equations have no marker.
+    """
+    looks = list[LineStyle]()
+    for motion in motions:
+        settings, engine = getattr(motion, "report", None), motion.engine
+        default = (engine.colour, (), engine.marker if settings else "")
+        preset = PRESET_LOOKS.get(settings.settings.name, default) if settings else default
+        taken = {look.colour for look in looks}
+        free = [row for row in (preset, *_SPARE, *PRESET_LOOKS.values()) if row[0] not in taken]
+        looks.append(LineStyle(label_of(motion), *(free or [preset])[0]))
+    return looks
+
+
+def colours_of(motions: Sequence[Any]) -> list[str]:
+    """Return the colour of each motion's line style."""
+    return [look.colour for look in line_looks(motions)]
+
+
 @dataclass(frozen=True)
 class Moments:
-    """The parts of a motion that a picture shows, at m times; fields as in Motion and Loads."""
+    """The parts of a motion that a picture shows, at m times; fields as in Motion."""
 
     contact_point: Array
     attitude: Array
-    momentum: Array
-    angular_velocity: Array
     hinge_angles: Array
     hinge_rates: Array
-    contact_force: Array
 
     def __getitem__(self, some: slice) -> "Moments":
         """Return a subset of the times."""
@@ -54,6 +103,9 @@ class Track:
 
     def at(self, times: Array) -> Moments:
         """Return the motion at ascending times (m,) [s]."""
+        from scipy.interpolate import CubicSpline  # late: styles are needed without it
+        from scipy.spatial.transform import Rotation, Slerp
+
         inside = np.minimum(times, self.times[-1])
         first, last = np.searchsorted(self.times, inside[[0, -1]])
         samples = slice(max(first - _MARGIN, 0), last + _MARGIN + 1)
@@ -80,12 +132,7 @@ class Track:
 
 def track_of(motion: Any) -> Track:
     """Return the track of a motion with at least two samples."""
-    names = {field.name for field in fields(Moments)} - {"contact_force", "momentum"}
-    sampled = Moments(
-        **{name: getattr(motion, name) for name in names},
-        contact_force=motion.loads.contact_force,
-        momentum=np.nan_to_num(motion.momentum),  # no arrow if unknown
-    )
+    sampled = Moments(*(getattr(motion, field.name) for field in fields(Moments)))
     bodies = tuple(link.name for link in motion.scene.ball.tree)
     return Track(motion.times, sampled, bodies, motion.scene.robot)
 

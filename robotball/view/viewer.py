@@ -12,12 +12,11 @@ import numpy as np
 from robotball.errors import InputError
 from robotball.motion import Motion
 from robotball.robot.looks import GHOST, looks_of
-from robotball.view.lines import colours_of
 from robotball.view.stage import build_stage, pose
-from robotball.view.tracks import track_of
+from robotball.view.tracks import colours_of, track_of
 
 KEYS = "space: pause; left, right: half a second; up, down: twice or half the speed; home: start"
-SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW key codes
+_CODES = {32: "space", 268: "home", 262: "right", 263: "left", 264: "down", 265: "up"}  # of GLFW
 _JUMP, _FRAME = 0.5, 1 / 60  # s: jump of an arrow key; period of the window's frames
 
 
@@ -32,15 +31,16 @@ class Clock:
 
     def key(self, code: int) -> None:
         """Apply a key of the viewer, given by its GLFW code."""
-        if code == SPACE:
-            self.playing = not self.playing
-        elif code in (LEFT, RIGHT):
-            jump = _JUMP if code == RIGHT else -_JUMP
-            self.t = float(np.clip(self.t + jump, 0.0, self.end))
-        elif code in (UP, DOWN):
-            self.speed *= 2.0 if code == UP else 0.5
-        elif code == HOME:
-            self.t = 0.0
+        match _CODES.get(code):
+            case "space":
+                self.playing = not self.playing
+            case "left" | "right" as key:
+                jump = _JUMP if key == "right" else -_JUMP
+                self.t = float(np.clip(self.t + jump, 0.0, self.end))
+            case "up" | "down" as key:
+                self.speed *= 2.0 if key == "up" else 0.5
+            case "home":
+                self.t = 0.0
 
     def pass_on(self, seconds: float) -> None:
         """Advance by real time [s]; after the end, restart from 0."""

@@ -15,8 +15,7 @@ from robotball.robot import looks as palette
 from robotball.robot.ball import Ball
 from robotball.robot.looks import MARKS, Looks, looks_of, materials_of
 from robotball.robot.shapes import Shape
-from robotball.view.lines import colours_of, label_of
-from robotball.view.tracks import heading_of, track_of
+from robotball.view.tracks import colours_of, heading_of, label_of, track_of
 
 _HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view
@@ -139,8 +138,5 @@ def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
 
 
 def _packed(numbers: NDArray[Any]) -> str:
-    """Encode numbers as base64 of little-endian 32-bit floats.
-
-    Seven digits are enough for a picture, and halve the page.
-    """
+    """Encode numbers as base64 of little-endian 32-bit floats, which halve the page."""
     return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

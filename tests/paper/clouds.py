@@ -47,7 +47,7 @@ def _returns(
     for stretch in range(_NO_RETURN * count):
         motion = sound_run(model, at, each_step(model, _STRETCH))
         some = crossings_of_motion(motion, model.scene).only(direction)
-        parts.append(some.later(stretch * _STRETCH))
+        parts.append(replace(some, times=some.times + stretch * _STRETCH))
         moved = moved + motion.contact_point[-1]
         # The initial M, not the final one: otherwise M², on which the attractor depends, would
         # drift.

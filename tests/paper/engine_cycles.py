@@ -1,18 +1,26 @@
 """Periodic motions of MuJoCo's map."""
 
-from functools import partial
+from collections.abc import Callable
+from functools import partial, reduce
 
 import numpy as np
 
-from robotball.dynamics.cycles import Cycle, Followed, close_map, tangent
+from robotball.dynamics.cycles import Cycle, by_turn, level_vectors, multipliers_of, tangent
 from robotball.dynamics.sections import Crossings, crossings_of_motion, own_start
 from robotball.engines.mujoco.model import Model
+from robotball.errors import InputError
 from robotball.rotations import Array, turned
 from robotball.theory.ensembles.orbits import angular_velocity, orbit
 from validation.studies.contact_sections import each_step, sound_run
 from validation.studies.contact_tangent import rolled
 
+_ITERATIONS = 30  # of Newton's method
 _CLOSED = 1e-9  # tolerance of γ and M/|M|
+_BLIND = 1e-7  # relative error of the map's derivative
+
+Followed = tuple[Array, Array, Array, Array]
+"""Ends of n segments: attitudes (n, 4), monodromies (n, 3, 3), the logarithms of their determinants
+(n,), and angular velocities (n, 3) in frame axes [rad/s]."""
 
 
 def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
@@ -34,7 +42,43 @@ def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:
         omegas = np.array([angular_velocity(ball, end, M) for end in ends])
         return ends, monodromies, np.linalg.slogdet(monodromies)[1], omegas
 
-    return close_map(follow, near, M, cycle.period, _CLOSED)
+    return _close(follow, near, M, cycle.period)
+
+
+def _close(
+    follow: Callable[[Array, float], Followed], attitudes: Array, momentum: Array, period: float
+) -> Cycle:
+    """Return the cycle near n attitudes (n, 4), equally spaced in time over a period [s].
+
+    follow: maps attitudes (n, 4) and a duration [s] to the ends of the segments; momentum (3,):
+    constant. Multiple shooting: Newton's method acts on a small rotation of every attitude and on
+    the period, so an unstable motion can grow only over one segment.
+    """
+    n = len(attitudes)
+    for _ in range(_ITERATIONS):
+        ends, monodromies, volumes, omegas = follow(attitudes, period / n)
+        starts = np.array([level_vectors(q, momentum) for q in attitudes])
+        reached = np.array([level_vectors(q, momentum) for q in ends])
+        gap = np.roll(starts, -1, axis=0) - reached
+        if np.abs(gap).max() < _CLOSED:
+            whole = reduce(np.matmul, monodromies[::-1])
+            multipliers = multipliers_of(whole, float(volumes.sum()), momentum)
+            return Cycle(attitudes[0], momentum, period, multipliers)
+        # Rotating a start moves its segment's end by the monodromy, and the previous target.
+        jacobian = np.zeros((n, gap[0].size, 3 * n + 1))
+        for i in range(n):
+            here, after = (slice(3 * j, 3 * j + 3) for j in (i, (i + 1) % n))
+            jacobian[i, :, here] += by_turn(reached[i]) @ monodromies[i]
+            jacobian[i, :, after] -= by_turn(starts[(i + 1) % n])
+            jacobian[i, :, -1] = np.cross(reached[i], omegas[i]).ravel() / n
+        equations = jacobian.reshape(-1, 3 * n + 1), gap.ravel()
+        correction = np.linalg.lstsq(*equations, rcond=_BLIND)[0]
+        correction *= 0.3 / max(0.3, float(np.abs(correction[:-1]).max()))
+        attitudes = turned(attitudes, correction[:-1].reshape(n, 3))
+        period += float(correction[-1])
+        if not period > 0:
+            break
+    raise InputError("no periodic motion found near the start: Newton's method does not converge")
 
 
 def cycle_crossings(model: Model, cycle: Cycle) -> Crossings:

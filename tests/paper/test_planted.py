@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotball.dynamics import equilibria, normal_forms, straight_motions
+from robotball.dynamics import equilibria, straight_motions
 from robotball.robot import ball
 from robotball.robot import formulas as eq
 from tests import figures
@@ -96,7 +96,7 @@ PLANTED: dict[str, tuple[Any, ...]] = {
         with_k.test_B_does_not_have_the_factor_K3),
     "the sign of the first Lyapunov value": (equilibria, "lyapunov_value", with_value(minus),
         with_k.test_the_focus_is_stable_if_and_only_if_B_over_A1_is_negative),
-    "a term of the first Lyapunov value": (normal_forms, "_taylor", without_double_phase,
+    "a term of the first Lyapunov value": (equilibria, "_taylor", without_double_phase,
         with_k.test_the_focus_grows_with_the_first_lyapunov_value),
     "the sign of κ": (equilibria, "kappa", with_value(minus),
         with_k.test_the_angles_of_the_fixed_points_have_the_arctangent_of_omega, with_k.DELTA),

@@ -9,8 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from robotball.dynamics import equilibria
-from robotball.dynamics.cycles import Cycle
-from robotball.dynamics.portraits import limit_cycles
+from robotball.dynamics.cycles import Cycle, limit_cycles
 from robotball.rotations import Array, tangents
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS

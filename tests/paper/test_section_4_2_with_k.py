@@ -8,7 +8,7 @@ import pytest
 from numpy import arcsin, arctan2, pi, sqrt
 
 from robotball.dynamics import equilibria
-from robotball.dynamics.normal_forms import flow_near, lyapunov_value
+from robotball.dynamics.equilibria import flow_near, lyapunov_value
 from robotball.robot.formulas import as_vector
 from robotball.rotations import Array
 from tests import figures

@@ -13,9 +13,8 @@ import pytest
 import robotball as rb
 from robotball import design, sample_times
 from robotball.dynamics import long_run
-from robotball.dynamics.cycles import Cycle
-from robotball.dynamics.portraits import limit_cycles
-from robotball.dynamics.sections import fixed_point, own_start, sections_of
+from robotball.dynamics.cycles import Cycle, fixed_point, limit_cycles
+from robotball.dynamics.sections import own_start, sections_of
 from robotball.engines.mujoco.model import build
 from robotball.robot.formulas import speed_bound
 from robotball.robot.scene import Scene, Start
@@ -32,6 +31,7 @@ from tests.paper.clouds import (
     distance_to_curve,
     rank_probability,
 )
+from tests.paper.drifts import drift
 from tests.paper.engine_cycles import contact_cycle, cycle_crossings
 from tests.paper.formulas import paper_scene
 from validation.studies.contact_sections import level_starts, sound_run
@@ -88,7 +88,7 @@ def test_mujocos_cycle_of_fig_11a_crosses_and_drifts_as_that_of_the_equations() 
     moved = sound_run(model, start, sample_times(cycle.period, 5e-3)).contact_point[-1]
     # OX is against M by (3.3), and |M| is 5.
     along = -float(moved @ cycle.momentum[:2]) / 5 / cycle.period
-    periods = long_run.drift(scene.parameters, q, M, 100 * cycle.period, cycle.period)
+    periods = drift(scene.parameters, q, M, 100 * cycle.period, cycle.period)
     assert along == pytest.approx(float(periods.mean[0]), abs=1e-5)
 
 

@@ -16,7 +16,7 @@ import pytest
 from robotball import Motion, Scene, sample_times, simulate
 from robotball.dynamics import equilibria
 from robotball.dynamics import straight_motions as straight
-from robotball.dynamics.normal_forms import flow_near, linear_part
+from robotball.dynamics.equilibria import flow_near, linear_part
 from robotball.dynamics.sections import own_start
 from robotball.robot.scene import Start, along_momentum
 from robotball.robot.variations import gyrostat

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 from robotball import InputError, SceneWarning, load_scene
+from robotball.dynamics.cycles import limit_cycles
 from robotball.dynamics.long_run import basins, exponents_of
-from robotball.dynamics.portraits import limit_cycles
 from robotball.dynamics.sections import section_starts, sections_of
 from robotball.processes import Queue, allowed, at_most, in_processes, in_threads
 from robotball.theory.ensembles.orbits import orbits, take

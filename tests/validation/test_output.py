@@ -20,7 +20,7 @@ from robotball.engines.engine import engine_named, engine_names
 from robotball.engines.mujoco import LABEL
 from robotball.files.replacing import replacing
 from robotball.theory.reduced import LABEL as EQUATIONS
-from robotball.view.lines import PRESET_LOOKS, line_looks
+from robotball.view.tracks import PRESET_LOOKS, line_looks
 from tests.messages import naming, unnamed
 from validation import Agreement, compare
 from validation.cli import parse
@@ -75,7 +75,7 @@ def test_scenes_with_the_same_name_get_different_names(
 @pytest.mark.parametrize(
     ("command", "names", "words"),
     [
-        ("video fig12", "fps resolution slow camera ghost arrows", ""),
+        ("video fig12", "fps resolution slow camera ghost", ""),
         ("video fig12 --camera above --ghost --slow 2", "slow camera ghost", "slow-2 above ghost"),
         ("dynamics section fig12 --starts 4 --g 0.5", "starts count g", "starts-4 g-0.5"),
         ("study cost fig12 --duration 4", "duration", "4s"),

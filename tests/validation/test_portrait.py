@@ -2,8 +2,8 @@
 
 import pytest
 
+from robotball.dynamics.cycles import limit_cycles
 from robotball.dynamics.equilibria import fixed_circle, fixed_points
-from robotball.dynamics.portraits import limit_cycles
 from tests.figures import from_rest
 from validation.portrait import portrait
 

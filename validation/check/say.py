@@ -14,7 +14,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.motion import Motion, versions
 from robotball.robot.drives import as_drive
 from robotball.rotations import Array
-from robotball.view.lines import PRESET_LOOKS
+from robotball.view.tracks import PRESET_LOOKS
 from robotball.view.web import view_fragment, view_head
 
 from .. import report

@@ -160,8 +160,8 @@ def demo(*, out: options.Out = options.OUT) -> int:
     from rich.markup import escape
 
     from robotball import PRESETS, InputError, load_scene
-    from robotball.view.lines import label_of
     from robotball.view.render import Film
+    from robotball.view.tracks import label_of
 
     from .. import results
     from ..comparing import film, motions_of

@@ -20,7 +20,6 @@ def video(
     slow: float = 1.0,
     camera: Literal["follow", "above", "whole"] = "follow",
     ghost: bool = False,
-    arrows: bool = False,
     format: Literal["mp4", "webm", "gif"] = "mp4",
     as_is: bool = False,
     threads: options.Threads = None,
@@ -41,8 +40,6 @@ def video(
         The camera follows each ball, looks from above, or stands still and sees the whole path.
     ghost
         Draw one picture with the equations' ball as a ghost, instead of one picture for each ball.
-    arrows
-        Show M, the angular velocity and the contact force.
     format
         Format of the file.
     as_is
@@ -53,11 +50,10 @@ def video(
     from ..comparing import film, motions_of
     from ..results import changed, file_name, file_stem
 
-    how = Film(fps, _size(resolution), slow, camera, ghost, arrows)
+    how = Film(fps, _size(resolution), slow, camera, ghost)
     words = changed(
-        video, fps=fps, resolution=resolution, slow=slow, camera=camera, ghost=ghost,
-        arrows=arrows, as_is=as_is,
-    )  # fmt: skip
+        video, fps=fps, resolution=resolution, slow=slow, camera=camera, ghost=ghost, as_is=as_is
+    )
     if as_is:
         from ..check.ablate import motions_of as motions_of_check
         from .checking import checked_robot

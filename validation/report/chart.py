@@ -13,7 +13,7 @@ import numpy as np
 
 from robotball.files.json_text import embedded_json
 from robotball.rotations import Array
-from robotball.view.lines import LineStyle
+from robotball.view.tracks import LineStyle
 
 from ..plots import LEAST, in_view
 

@@ -12,7 +12,7 @@ from robotball import Motion, scene_toml
 from robotball.errors import counted
 from robotball.motion import versions
 from robotball.rotations import Array
-from robotball.view.lines import label_of, line_looks
+from robotball.view.tracks import label_of, line_looks
 from robotball.view.web import view_fragment, view_head
 
 from ..agreement import Agreement

@@ -26,11 +26,10 @@ from robotball.dynamics.continuation import (
     Point,
     Watch,
 )
-from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.cycles import Cycle, limit_cycles
 from robotball.dynamics.equilibria import name_of
-from robotball.dynamics.families import NUMBERS
 from robotball.dynamics.long_run import basins
-from robotball.dynamics.portraits import limit_cycles
+from robotball.dynamics.motion_branches import NUMBERS
 from robotball.dynamics.strobed_branches import Driven, swinging
 from robotball.engines.mujoco import LABEL
 from robotball.errors import check_positive, unknown

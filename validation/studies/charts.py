@@ -29,8 +29,8 @@ from scipy.ndimage import distance_transform_edt
 from robotball import InputError, Limits, Scene, load_scene
 from robotball import preset as settings_of
 from robotball.design.designing import redesign
-from robotball.dynamics.families import NUMBERS, numbers_of, varied
 from robotball.dynamics.long_run import exponents_of
+from robotball.dynamics.motion_branches import NUMBERS, numbers_of, varied
 from robotball.dynamics.sections import sections_of
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build

@@ -35,7 +35,7 @@ from robotball.engines.mujoco.settings import (
 )
 from robotball.robot.looks import ACCENT, FAINT, INK
 from robotball.robot.motors import Servo
-from robotball.view.lines import PRESET_LOOKS
+from robotball.view.tracks import PRESET_LOOKS
 
 from ..agreement import Agreement
 from ..options import Sweep

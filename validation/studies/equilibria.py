@@ -8,7 +8,7 @@ from rich import box
 from rich.table import Table
 
 from robotball import InputError, Scene
-from robotball.dynamics.cycles import Cycle
+from robotball.dynamics.cycles import Cycle, limit_cycles
 from robotball.dynamics.equilibria import (
     ContactPath,
     FixedCircle,
@@ -19,7 +19,6 @@ from robotball.dynamics.equilibria import (
     index_sum,
     name_of,
 )
-from robotball.dynamics.portraits import limit_cycles
 from robotball.dynamics.straight_motions import (
     StraightMotion,
     name_of_line,

@@ -22,7 +22,7 @@ from robotball.fit.fitting import Fit as Fitted
 from robotball.fit.fitting import fit
 from robotball.fit.logs import read_log
 from robotball.fit.scene_numbers import numbers_of
-from robotball.view.lines import PRESET_LOOKS, LineStyle
+from robotball.view.tracks import PRESET_LOOKS, LineStyle
 
 from ..options import AGREES, DISAGREES
 from ..output import (

@@ -26,27 +26,9 @@ from robotball.robot.formulas import Parameters, as_vector, check_speed
 from robotball.robot.scene import Scene, times_of
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.theory.compiled import Function, compiled_from, inlined, text_of
+from robotball.theory.ensembles import steppers as st
 from robotball.theory.ensembles.flatten import FEW, LANES
-from robotball.theory.ensembles.steppers import (
-    ALLOWED,
-    BALL,
-    LENGTH,
-    LEVEL,
-    LOOKED,
-    MARCHED,
-    PATH,
-    REJECTED,
-    SECTION,
-    STATE,
-    TARGET,
-    TIME,
-    System,
-    ball_of,
-    level_of,
-    places,
-    row_of,
-    stepper,
-)  # fmt: skip
+from robotball.theory.ensembles.steppers import PATH, System, places
 
 DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2  # the status of an orbit at its end
 STEP = "FunctionType(void(f8[::1]))"
@@ -84,12 +66,12 @@ take: Any = intrinsic(_take)
 @inlined
 def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: float) -> None:
     """Put an orbit into a lane; row: the rows from BALL on, up to the end of its slope."""
-    w[LENGTH * lanes + lane] = length
-    w[ALLOWED * lanes + lane] = tolerance
-    w[TIME * lanes + lane] = 0.0
-    w[TARGET * lanes + lane] = np.inf
+    w[st.LENGTH * lanes + lane] = length
+    w[st.ALLOWED * lanes + lane] = tolerance
+    w[st.TIME * lanes + lane] = 0.0
+    w[st.TARGET * lanes + lane] = np.inf
     for j in range(len(row)):
-        w[(BALL + j) * lanes + lane] = row[j]
+        w[(st.BALL + j) * lanes + lane] = row[j]
 
 
 @inlined
@@ -109,8 +91,8 @@ def load_next(
 @inlined
 def collapsed(w: Any, lanes: int, lane: int) -> bool:
     """Return whether a lane's step is too short to move its time."""
-    time = w[TIME * lanes + lane]
-    return time + w[LENGTH * lanes + lane] == time
+    time = w[st.TIME * lanes + lane]
+    return time + w[st.LENGTH * lanes + lane] == time
 
 
 @compiled(
@@ -134,7 +116,7 @@ def march_lanes(
     for lane in range(LANES):
         load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too
         if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
-            w[TARGET * LANES + lane] = times[0]
+            w[st.TARGET * LANES + lane] = times[0]
             running += 1
     while running > 0:
         step(w)
@@ -143,23 +125,23 @@ def march_lanes(
             if i < 0:
                 continue
             steps[lane] += 1
-            if w[flag * LANES + lane] == LOOKED:
+            if w[flag * LANES + lane] == st.LOOKED:
                 for j in range(size):
                     states[i, sample[lane], j] = w[(new + j) * LANES + lane]
                 sample[lane] += 1
                 if sample[lane] < len(times):
-                    w[TARGET * LANES + lane] = times[sample[lane]]
+                    w[st.TARGET * LANES + lane] = times[sample[lane]]
                     continue
                 status[i] = DONE
             elif steps[lane] >= step_limit:
                 status[i] = TOO_MANY_STEPS
-            elif w[flag * LANES + lane] == REJECTED and collapsed(w, LANES, lane):
+            elif w[flag * LANES + lane] == st.REJECTED and collapsed(w, LANES, lane):
                 status[i] = COLLAPSED
             else:
                 continue
             sample[lane], steps[lane] = 0, 0
             if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
-                w[TARGET * LANES + lane] = times[0]
+                w[st.TARGET * LANES + lane] = times[0]
             else:
                 running -= 1
 
@@ -184,33 +166,33 @@ def follow(
         helping = min(reached - sample, FEW - 1)
         for k in range(helping):
             # Longer than the time to any target, so that these lanes only look.
-            w[LENGTH * FEW + 1 + k] = np.inf
-            w[TARGET * FEW + 1 + k] = times[sample + k]
+            w[st.LENGTH * FEW + 1 + k] = np.inf
+            w[st.TARGET * FEW + 1 + k] = times[sample + k]
         # With more outputs than lanes, lane 0 waits: its target is its time.
         waits = sample + helping < reached
-        w[TARGET * FEW] = w[TIME * FEW] if waits else np.inf
-        before = w[TIME * FEW]
+        w[st.TARGET * FEW] = w[st.TIME * FEW] if waits else np.inf
+        before = w[st.TIME * FEW]
         # The lanes that look for outputs start from the state of lane 0 before its step.
         for j in range(len(old)):
-            old[j] = w[(STATE + j) * FEW]
+            old[j] = w[(st.STATE + j) * FEW]
         step(w)
         for k in range(helping):
             for j in range(size):
                 states[sample + k, j] = w[(new + j) * FEW + 1 + k]
         sample += helping
         if sample == len(times):
-            return DONE, w[TIME * FEW]
-        if w[flag * FEW] == MARCHED:
+            return DONE, w[st.TIME * FEW]
+        if w[flag * FEW] == st.MARCHED:
             for lane in range(1, FEW):
-                w[TIME * FEW + lane] = before
+                w[st.TIME * FEW + lane] = before
             for j in range(len(old)):
                 for lane in range(1, FEW):
-                    w[(STATE + j) * FEW + lane] = old[j]
-            while reached < len(times) and times[reached] <= w[TIME * FEW]:
+                    w[(st.STATE + j) * FEW + lane] = old[j]
+            while reached < len(times) and times[reached] <= w[st.TIME * FEW]:
                 reached += 1
-        elif w[flag * FEW] == REJECTED and collapsed(w, FEW, 0):
-            return COLLAPSED, w[TIME * FEW]
-    return TOO_MANY_STEPS, w[TIME * FEW]
+        elif w[flag * FEW] == st.REJECTED and collapsed(w, FEW, 0):
+            return COLLAPSED, w[st.TIME * FEW]
+    return TOO_MANY_STEPS, w[st.TIME * FEW]
 
 
 STEP_TOLERANCE = 1e-14  # error of one step in the unit quaternion, near rounding
@@ -281,12 +263,10 @@ def orbit(
     states[0] = (*starts.attitudes[0], 0.0, 0.0)
     length = starts.first_lengths(times[-1], tolerance)[0]
     limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
-    step, row = stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
+    step, row = st.stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
     _, new, _, total = places(PATH.size)
-    status, reached = follow(
-        step, row, length, times[1:], tolerance, limit + len(times), np.zeros(total * FEW),
-        np.zeros(new - STATE), states[1:],
-    )  # fmt: skip
+    most, space, old = limit + len(times), np.zeros(total * FEW), np.zeros(new - st.STATE)
+    status, reached = follow(step, row, length, times[1:], tolerance, most, space, old, states[1:])
     if status == TOO_MANY_STEPS:
         speed = math.hypot(*angular_velocity(parameters, attitude, momentum))
         raise too_many_steps(limit, reached, times[-1], speed)
@@ -344,9 +324,9 @@ class Starts:
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         unit = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
         self.attitudes = _turned_starts(-self.turns, unit)
-        numbers = np.repeat([row_of(ball) for ball in several], len(sizes[0]), axis=0)
+        numbers = np.repeat([st.row_of(ball) for ball in several], len(sizes[0]), axis=0)
         level = np.stack([across, momenta[:, 2]], axis=1)
-        no_section = np.zeros((len(level), STATE - SECTION))
+        no_section = np.zeros((len(level), st.STATE - st.SECTION))
         self.rows = np.concatenate([numbers, level, no_section], axis=1)
 
     def rows_of(self, system: System, rest: Array) -> Array:
@@ -355,8 +335,8 @@ class Starts:
         rest: (n, size - 4), the numbers of the first state after the quaternion.
         """
         columns = list(self.rows.T)
-        parameters = ball_of(self.rolling, columns[: LEVEL - BALL])
-        level = level_of(self.rolling, columns[LEVEL - BALL : SECTION - BALL])
+        parameters = st.ball_of(self.rolling, columns[: st.LEVEL - st.BALL])
+        level = st.level_of(self.rolling, columns[st.LEVEL - st.BALL : st.SECTION - st.BALL])
         states = np.concatenate([self.attitudes, rest], axis=1)
         slopes = system.rate(tuple(states.T), parameters, level)
         return np.concatenate([self.rows, states, np.stack(slopes, axis=1)], axis=1)
@@ -371,7 +351,7 @@ class Starts:
         n = len(self.rows)
         # The later states of an abandoned orbit stay NaN.
         states, status = np.full((n, len(times), system.size), np.nan), np.zeros(n, np.int64)
-        step = stepper(system, self.rolling)
+        step = st.stepper(system, self.rolling)
         rows = self.rows_of(system, rest)
         lengths = self.first_lengths(times[-1], tolerance)
         # An output takes an additional step, which only looks.
@@ -420,7 +400,7 @@ def components(q: Array) -> eq.Quaternion:
 def _check_starts(balls: Sequence[Parameters], attitudes: Array, momenta: Array) -> None:
     """Raise InputError unless attitudes (n, 4) and momenta (n, 3) are starts of sound balls."""
     for ball in balls:
-        if not np.isfinite(row_of(ball)).all():
+        if not np.isfinite(st.row_of(ball)).all():
             raise InputError(f"the numbers of the ball are not finite: {ball}")
     if attitudes.shape[1:] != (4,) or momenta.shape != (len(attitudes), 3):
         raise InputError(

@@ -124,10 +124,7 @@ def _section_function(
 
 
 def _arc_function(state: State, parameters: Parameters, level: Level, arc: State) -> _SectionValue:
-    """Return (γ, n), its rate and (γ, e), of a state with q first.
-
-    arc: n and e, unit vectors: half of the great circle across n, the half around e.
-    """
+    """Return (γ, n), its rate and (γ, e) of a state with q first; arc: unit vectors n, e."""
     normal: Vector = (arc[0], arc[1], arc[2])
     middle: Vector = (arc[3], arc[4], arc[5])
     _, _, _, gamma, omega = _turning(state, parameters, level)

@@ -18,12 +18,21 @@ from robotball.dynamics.continuation import (
     explore,
     steady,
 )
-from robotball.dynamics.cycles import Cycle, close, level_vectors
+from robotball.dynamics.cycles import (
+    Cycle,
+    close,
+    level_vectors,
+    limit_cycles,
+    reversed_in_time,
+    separatrices,
+)
 from robotball.dynamics.equilibria import (
     attitude_at,
     closed_form_points,
     fixed_points,
     kappa,
+    linear_part,
+    lyapunov_value,
 )
 from robotball.dynamics.long_run import basins
 from robotball.dynamics.motion_branches import (
@@ -33,8 +42,6 @@ from robotball.dynamics.motion_branches import (
     growth,
     resting,
 )
-from robotball.dynamics.normal_forms import linear_part, lyapunov_value
-from robotball.dynamics.portraits import limit_cycles, reversed_in_time, separatrices
 from robotball.dynamics.straight_motions import stability_limit, straight_motions
 from robotball.robot.scene import along_momentum
 from robotball.rotations import Array

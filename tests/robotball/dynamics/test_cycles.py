@@ -9,7 +9,6 @@ from robotball.dynamics.cycles import (
     level_vectors,
     monodromy_of,
     multipliers_of,
-    nearest,
 )
 from robotball.errors import InputError
 from robotball.robot.formulas import Parameters
@@ -63,9 +62,3 @@ def test_a_motion_that_does_not_close_is_refused() -> None:
     attitudes, momenta = spread_starts(7, 1, g=1.0)
     with pytest.raises(InputError, match=naming("Newton")):
         close(REGULAR, attitudes[0], momenta[0], 1e-3)
-
-
-def test_nearest_returns_distances_to_the_closest_point() -> None:
-    """For each point of the first set, to the second set."""
-    points, others = np.array([[0.0, 0.0], [3.0, 4.0]]), np.array([[0.0, 1.0], [3.0, 2.0]])
-    assert nearest(points, others).tolist() == [1.0, 2.0]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from robotball import integrate, load_scene
+from robotball.dynamics.cycles import limit_cycles, separatrices
 from robotball.dynamics.equilibria import (
     ContactPath,
     FixedCircle,
@@ -24,11 +25,10 @@ from robotball.dynamics.equilibria import (
     name_of,
     rate_scale,
 )
-from robotball.dynamics.portraits import limit_cycles, separatrices
 from robotball.errors import InputError
 from robotball.robot.formulas import Parameters, Vector, as_vector
 from robotball.robot.scene import Start
-from robotball.rotations import rotation_matrix
+from robotball.rotations import Array, on_circle, rotation_matrix
 from robotball.theory.ensembles.orbits import orbit
 from tests.figures import CLASSICAL, ball, from_rest, proposition_2
 from tests.messages import naming
@@ -204,6 +204,28 @@ def circle_of(parameters: Parameters) -> FixedCircle:
     return circle
 
 
+def index_of(parameters: Parameters, axes: Array) -> int:
+    """Return the winding number of (4.1) on a line just below the circle minus one just above.
+
+    No other fixed point lies between these lines.
+    """
+    along = np.cross(*axes)
+    # The other fixed points are principal axes. The line must pass below the nearest of them, with
+    # samples much closer than its distance, over which the flow reverses.
+    heights = np.abs(along)[np.abs(along) > 1e-9]  # of the principal axes above the circle
+    height = min(0.02, float(heights.min()) / 2)
+    samples = min(100_000, int(40 / height))
+    angle = np.linspace(0.0, 2 * np.pi, samples + 1)
+    out, ahead = on_circle(axes, angle), on_circle(axes, angle + np.pi / 2)
+    turns = []
+    for sign in (-1.0, 1.0):
+        gamma = np.sqrt(1 - height**2) * out + sign * height * along
+        rate = np.stack(flow(parameters, tuple(gamma.T)), axis=1)
+        direction = np.unwrap(np.arctan2(rate @ along, (rate * ahead).sum(axis=1)))
+        turns.append(round(float(direction[-1] - direction[0]) / (2 * np.pi)))
+    return turns[0] - turns[1]
+
+
 @pytest.mark.parametrize(
     ("Omega", "kinds", "circle"),
     [
@@ -217,11 +239,12 @@ def circle_of(parameters: Parameters) -> FixedCircle:
 def test_indices_of_points_and_circle_add_up_to_2(
     Omega: Vector, kinds: dict[str, int], circle: int
 ) -> None:
-    """The circle's index is computed from the flow beside it, not as the missing rest."""
+    """The circle's index, which completes the sum to 2, is also that of the flow beside it."""
     parameters = ball(A, Omega, NOTHING)
     points = fixed_points(parameters)
     assert Counter(point.kind for point in points) == kinds
-    assert circle_of(parameters).index == circle
+    circle_found = circle_of(parameters)
+    assert circle_found.index == index_of(parameters, circle_found.axes) == circle
     assert index_sum(points) + circle == 2
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotball.dynamics.families import NUMBERS, numbers_of, varied
+from robotball.dynamics.motion_branches import NUMBERS, numbers_of, varied
 from robotball.errors import InputError
 from tests.figures import CHAOTIC, CLASSICAL, from_rest
 from tests.messages import naming

@@ -1,4 +1,4 @@
-"""Long motions: exponents compared with neighbouring motions, drift, and attractors."""
+"""Long motions: exponents compared with neighbouring motions, and attractors."""
 
 from functools import partial
 
@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from robotball.dynamics.cycles import monodromy_of
-from robotball.dynamics.long_run import LINE, LOST, Exponents, basins, drift, exponents_of
+from robotball.dynamics.long_run import LINE, LOST, Exponents, basins, exponents_of
 from robotball.dynamics.sections import section_starts
 from robotball.errors import InputError
 from robotball.robot.formulas import Parameters
 from robotball.rotations import conjugate, multiply, rotation_matrix
 from robotball.theory.ensembles.orbits import Starts, orbit
 from robotball.theory.ensembles.steppers import DEVIATION
-from tests.figures import BALLS, CHAOTIC, REGULAR, ball, spread_starts
+from tests.figures import BALLS, REGULAR, ball, spread_starts
 from tests.messages import naming
 
 pytestmark = pytest.mark.core
@@ -61,21 +61,6 @@ def test_means_over_runs_have_standard_errors() -> None:
     assert found.dimension_error == pytest.approx(0, abs=1e-15)
     assert Exponents(np.array([[0.1, 0.1]]), np.array([0.0]), 1.0).dimension == 2.0
     assert Exponents(np.array([[-0.1, -0.1]]), np.array([-0.3]), 1.0).dimension == 0.0
-
-
-def test_drift_is_relative_to_the_starts_momentum() -> None:
-    """It is the displacement over 5 s, the same for a start with another heading (0.7 rad).
-
-    Measured 2.4e-10 m/s, an error of the displacement with shorter steps, and 1.7e-12.
-    """
-    attitude, momentum = spread_starts(2, 1, most=4.9)
-    heading = np.array([np.cos(0.35), 0.0, 0.0, np.sin(0.35)])
-    turned = multiply(heading, attitude[0]), rotation_matrix(heading) @ momentum[0]
-    plain = drift(CHAOTIC, attitude, momentum, 5.0, 1.0).mean
-    again = drift(CHAOTIC, turned[0][None], turned[1][None], 5.0, 1.0).mean
-    way = orbit(CHAOTIC, attitude[0], momentum[0], np.array([0.0, 1.0, 6.0]))[:, 4:]
-    assert plain == pytest.approx((way[2] - way[1]) / 5.0, abs=1e-9)
-    assert again == pytest.approx(plain, abs=1e-11)
 
 
 def test_exponents_need_a_momentum_and_a_duration() -> None:

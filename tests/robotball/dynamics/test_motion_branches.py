@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from robotball.dynamics.continuation import Watch
-from robotball.dynamics.equilibria import fixed_points
+from robotball.dynamics.equilibria import fixed_points, linear_part
 from robotball.dynamics.motion_branches import Family, resting, sought, vectors_of
-from robotball.dynamics.normal_forms import linear_part
 from robotball.dynamics.straight_motions import straight_motions
 from robotball.errors import InputError
 from robotball.rotations import Array

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from robotball.dynamics.equilibria import fixed_points
-from robotball.dynamics.normal_forms import Flow, flow_near, linear_part, lyapunov_value
+from robotball.dynamics.equilibria import Flow, fixed_points, flow_near, linear_part, lyapunov_value
 from robotball.robot import formulas as eq
 from robotball.robot.formulas import Parameters, as_vector
 from robotball.rotations import Array, rotation_matrix, tangents

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from robotball.dynamics.cycles import involute, limit_cycles
 from robotball.dynamics.equilibria import closed_form_points
-from robotball.dynamics.portraits import involute, limit_cycles
 from tests.figures import ball, from_rest
 
 

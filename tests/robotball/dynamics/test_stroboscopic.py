@@ -19,7 +19,7 @@ import robotball as rb
 from robotball.dynamics import continuation as co
 from robotball.dynamics.cycles import Cycle, tangent
 from robotball.dynamics.sections import period_of, strobed, stroboscopic_map
-from robotball.dynamics.strobed_branches import Driven, close_strobed, swinging
+from robotball.dynamics.strobed_branches import Driven, swinging
 from robotball.errors import InputError
 from robotball.robot.drives import Constant
 from robotball.robot.scene import along_momentum
@@ -58,7 +58,13 @@ def _closed(side: float, force: float, nu: float) -> Cycle:
     """Return the fixed point of the map near rest, from a start beside it."""
     scene = _ball(side, force, nu)
     beside, M = np.array([1.0, 0.01, -0.005, 0.0]), np.array([2e-4, 1e-4, 0.0])
-    return close_strobed(scene, beside / np.linalg.norm(beside), M)
+    frequency = nu / (2 * np.pi)
+    family = Driven(scene, "frequency", frequency, frequency)
+    start = family.vector(beside / np.linalg.norm(beside), M)
+    point = co.corrected(family.problem(), np.array([*start, -np.log(frequency), 0.0]))
+    values = np.exp(point.exponents)
+    state = family.state(point.x[:-2], scene)
+    return Cycle(*state, 1 / frequency, values[np.argsort(-np.abs(values))])
 
 
 def _mathieu(side: float, force: float, nu: float) -> Array:

@@ -13,8 +13,8 @@ import numba
 import pytest
 from numba.core import caching
 
+from bench import ahead
 from robotball.errors import SceneWarning
-from robotball.theory import ahead
 from robotball.theory import compiled as kept
 from robotball.theory.ensembles import steppers
 from tests.messages import naming, unnamed

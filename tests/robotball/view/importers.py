@@ -1,9 +1,7 @@
 """Read a model file with an engine's importer and return the robot's numbers at hinge angle 0."""
 
-import json
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,18 +38,6 @@ def plain(
         "gravity": np.asarray(gravity, dtype=float).tolist(),
         "freedoms": freedoms,
     }
-
-
-def _json(path: str, form: str) -> dict[str, Any]:
-    whole, world = json.loads(Path(path).read_text(encoding="utf-8")), np.eye(3)
-    bodies, hinges = [], {}
-    for body in whole["bodies"]:
-        centre = np.array(body["centre_of_mass"])
-        bodies.append(_solid(body["mass"], centre, world, np.array(body["inertia"])))
-        if hinge := body["hinge"]:
-            armature = (hinge["motor"] or {}).get("armature", 0.0)
-            hinges[body["name"]] = np.array(hinge["axis"]), armature
-    return plain(world, np.zeros(3), bodies, hinges, whole["gravity"], 6 + len(hinges))
 
 
 def _mujoco(path: str, form: str) -> dict[str, Any]:
@@ -103,7 +89,7 @@ def _dart(path: str, form: str) -> dict[str, Any]:
     if form == "URDF":
         world.addSkeleton(utils.DartLoader().parseSkeleton(path))
     else:
-        world = (utils.SdfParser if form == "SDF" else utils.MjcfParser).readWorld(path)
+        world = utils.MjcfParser.readWorld(path)
     every = [world.getSkeleton(i) for i in range(world.getNumSkeletons())]
     ball = next(skeleton for skeleton in every if skeleton.getBodyNode("shell"))
     bodies, hinges = [], {}
@@ -195,15 +181,13 @@ def _newton(path: str, form: str) -> dict[str, Any]:
     return plain(*poses[0], bodies, hinges, model.gravity.numpy()[0], len(armatures))
 
 
-# By package and option: the importer, and the formats that it is tested with. Only Python reads
-# our JSON.
+# By package and option: the importer, and the formats that it is tested with.
 IMPORTERS: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
-    "json": (_json, ("JSON",)),
     "mujoco": (_mujoco, ("MJCF", "URDF")),
-    "pybullet": (_bullet, ("URDF", "SDF", "MJCF")),
+    "pybullet": (_bullet, ("URDF", "MJCF")),
     "pybullet, URDF_USE_INERTIA_FROM_FILE": (partial(_bullet, flags=2), ("URDF", "MJCF")),
-    "dartpy": (_dart, ("URDF", "SDF", "MJCF")),
-    "pydrake": (_drake, ("URDF", "SDF", "MJCF")),
-    "pinocchio": (_pinocchio, ("URDF", "MJCF")),  # its wheel has no SDF support
+    "dartpy": (_dart, ("URDF", "MJCF")),
+    "pydrake": (_drake, ("URDF", "MJCF")),
+    "pinocchio": (_pinocchio, ("URDF", "MJCF")),
     "newton": (_newton, ("URDF", "MJCF")),
 }

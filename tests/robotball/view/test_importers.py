@@ -14,9 +14,9 @@ from tests.robotball.view.importers import IMPORTERS, plain
 # The last two are a rubber and a classical robot with three off-centre hinges each.
 ROBOTS = [random_scene(np.random.default_rng(seed)) for seed in (15, 17)]
 SCENES = [*map(rb.load_scene, ("inclined_plane", "steered_pendulum_robot")), *ROBOTS]
-FILES = {"JSON": "scene.json", "MJCF": "model.xml", "URDF": "model.urdf", "SDF": "model.sdf"}
+FILES = {"MJCF": "model.xml", "URDF": "model.urdf"}
 # Quantities that a format cannot express; importers then use a default.
-UNSAID = {"URDF": {"gravity", "armature"}, "SDF": {"armature"}}
+UNSAID = {"URDF": {"gravity", "armature"}}
 # Quantities that importers lose; see docs/findings.md and the README of an export.
 LOST = {
     "MJCF, pybullet": {"inertia", "gravity", "armature"},
@@ -27,8 +27,6 @@ LOST = {
     "MJCF, newton": {"gravity"},
     "URDF, mujoco": {"freedoms"},
     "URDF, pybullet": {"inertia"},
-    "SDF, pybullet": {"inertia", "gravity"},
-    "SDF, pydrake": {"gravity"},
 }
 
 
@@ -61,11 +59,11 @@ def errors_of(scene: rb.Scene, form: str, found: dict[str, Any]) -> dict[str, fl
 def test_importers_read_the_scene_apart_from_known_losses(
     name: str, scene: rb.Scene, tmp_path: Path
 ) -> None:
-    """Within 4e-15 with MuJoCo and Python; importers in single precision within 1e-6."""
+    """Within 4e-15 with MuJoCo; importers in single precision within 1e-6."""
     pytest.importorskip(name.partition(",")[0])
     rb.export_scene(scene, tmp_path, np.linspace(0.0, 0.1, 3))
     importer, forms = IMPORTERS[name]
-    bound = 1e-14 if name in ("mujoco", "json") else 1e-6
+    bound = 1e-14 if name == "mujoco" else 1e-6
     for form in forms:
         errors = errors_of(scene, form, importer(str(tmp_path / FILES[form]), form))
         wrong = {name for name, error in errors.items() if error > bound}

@@ -19,8 +19,8 @@ import robotball as rb
 from robotball.robot.looks import rgb
 from robotball.rotations import Array
 from robotball.view import notebook
-from robotball.view.lines import line_looks
 from robotball.view.notebook import by_value, cell
+from robotball.view.tracks import line_looks
 from tests.messages import naming
 
 SCENE = rb.load_scene("fig12")

@@ -4,7 +4,7 @@ import numpy as np
 
 from robotball import integrate
 from robotball.rotations import rotation_matrix
-from robotball.view.poses import poses
+from tests.poses import poses
 from tests.random_robots import random_scene, random_tree
 
 RNG = np.random.default_rng(1)

@@ -18,9 +18,9 @@ from robotball.processes import at_most, cores
 from robotball.robot.looks import rgb
 from robotball.rotations import multiply
 from robotball.view import gl, render
-from robotball.view.lines import colours_of
 from robotball.view.render import Film, frames
 from robotball.view.stage import Pixels
+from robotball.view.tracks import colours_of
 from tests.messages import naming
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
@@ -210,11 +210,10 @@ def test_one_motion_alone_is_filmed(tmp_path: Path) -> None:
 @pytest.mark.slow
 @screen
 def test_every_option_changes_the_picture() -> None:
-    """Two panes, a ghost, arrows, and the three cameras give different pictures."""
+    """Two panes, a ghost, and the three cameras give different pictures."""
     changes: list[dict[str, Any]] = [
         {},
         {"ghost": True},
-        {"arrows": True},
         {"camera": "above"},
         {"camera": "whole"},
     ]

@@ -9,9 +9,9 @@ from robotball.robot.looks import looks_of
 from robotball.robot.shapes import Shape
 from robotball.rotations import Array, rotation_matrix
 from robotball.view import gl, stage, tracks
-from robotball.view.poses import poses
 from robotball.view.stage import LENS, SUN, Camera, Stage, build_stage, pose
 from robotball.view.tracks import track_of
+from tests.poses import poses
 from tests.random_robots import random_tree
 from tests.robots import worked
 

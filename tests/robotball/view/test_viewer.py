@@ -3,8 +3,10 @@
 import pytest
 
 import robotball as rb
-from robotball.view.viewer import DOWN, HOME, LEFT, RIGHT, SPACE, UP, Clock, check_display
+from robotball.view.viewer import Clock, check_display
 from tests.messages import naming
+
+SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW's key codes
 
 
 def test_keys_pause_scrub_and_change_the_speed() -> None:

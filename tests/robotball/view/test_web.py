@@ -11,10 +11,10 @@ import pytest
 
 import robotball as rb
 from robotball.rotations import rotation_matrix
-from robotball.view.poses import poses
 from robotball.view.web import MOST, STEP, view_data, view_fragment, view_page
 from tests.browser import needs_browser, opened
 from tests.messages import naming, unnamed
+from tests.poses import poses
 from tests.random_robots import random_tree
 
 TIMES = np.linspace(0.0, 2.0, 101)  # s

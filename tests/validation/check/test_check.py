@@ -17,7 +17,7 @@ from robotball.engines.mujoco.user_model import UserModel, observed
 from robotball.robot.drives import Sine
 from robotball.rotations import Array
 from robotball.user_model.robot_file import open_robot
-from robotball.view.lines import label_of
+from robotball.view.tracks import label_of
 from robotball.view.web import view_fragment
 from tests.conftest import Robotball
 from tests.messages import naming, unnamed

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.view.lines import LineStyle
+from robotball.view.tracks import LineStyle
 from tests.browser import Browser, needs_browser, opened
 from tests.conftest import Robotball
 from tests.messages import unnamed

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball.dynamics.families import varied
 from robotball.dynamics.long_run import exponents_of
+from robotball.dynamics.motion_branches import varied
 from robotball.dynamics.sections import sections_of
 from robotball.robot import formulas as eq
 from robotball.rotations import Array, multiply, rotation_matrix

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.dynamics.cycles import tangent
-from robotball.dynamics.portraits import limit_cycles
+from robotball.dynamics.cycles import limit_cycles, tangent
 from robotball.engines.mujoco.model import build
 from robotball.robot.formulas import scale
 from tests.paper.clouds import COARSE

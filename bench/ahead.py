@@ -1,4 +1,4 @@
-"""Compile everything before its first use, as `make setup` does."""
+"""Compile everything before its first use: python -m bench.ahead, as `make setup` does."""
 
 import sys
 from collections.abc import Callable
@@ -34,3 +34,7 @@ def compile_all() -> None:
         if on_terminal or last:
             line = f"robotball: compiled {done} of {len(jobs)}"
             print(line, end="\n" if last else "\r", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    compile_all()

@@ -224,7 +224,7 @@ def observed(
         guess = data.qacc_warmstart.copy()
         mujoco.mj_forward(model, data)
         data.qacc_warmstart[:] = guess
-        rows.append(row_of(robot, data))
+        rows.append(_row_of(robot, data))
         overlapping = set()
         for pair, contact in _others(robot, data):
             words = "" if pair in inside else robot.real_contact(data, contact, late=i > 0)
@@ -241,9 +241,9 @@ def observed(
     diverged = None if _sound(data) else float(data.time)
     seconds = time.process_time() - began
     settings = EngineSettings(name=name, error_tolerance=tolerance, stop_at_fault=False)
-    table = table_of(user, data, rows)
+    table = _table_of(user, data, rows)
     recording = Recording(LABEL, scene, settings, table.time)
-    recording.add(readings_of(user, scene, table))
+    recording.add(_readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
     path = user.points(table.centre)
     exerted, declared = np.nansum(table.resistance, axis=0)
@@ -317,7 +317,7 @@ class _State(NamedTuple):
     speed: Array
 
 
-def row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
+def _row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
     """Return a copy of a state's values; they are evaluated together after the run."""
     force, depth, friction, resistance = np.full(3, np.nan), np.nan, np.nan, np.full(2, np.nan)
     for contact, wrench in wrenches(robot, data):
@@ -331,7 +331,7 @@ def row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
     return _State(*map(np.copy, (data.time, *sphere, force, depth, friction, resistance, *rest)))
 
 
-def table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _State:
+def _table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _State:
     """Return the states of a run; data: any state of it, for the plane, which does not move."""
     robot, table = user.robot, _State(*map(np.array, zip(*rows, strict=True)))
     to_plane = robot.plane_axes(data)
@@ -346,7 +346,7 @@ def table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _S
     )
 
 
-def readings_of(user: UserModel, scene: Scene, table: _State) -> Readings:
+def _readings_of(user: UserModel, scene: Scene, table: _State) -> Readings:
     """Return the readings of the states of a run."""
     centre, turning, depth = table.centre, table.angular_velocity, table.depth
     attitude = from_matrix(table.axes)  # all in one call: SciPy takes 0.1 ms a call

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import toolbox
-from robotball.fit.scene_numbers import numbers_of
-from robotball.user_model.robot_numbers import robot_numbers
 from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.robotball.fit.test_fitting import NOISE, log, off
@@ -112,17 +109,6 @@ def test_a_robots_own_file_has_numbers_by_its_own_names(
     status, _, err = robotball("fit", ROBOT, "run.csv", "--free", "plate.maas")
     assert status == 2
     assert unnamed("'plate.maas' plate.geom.mass", err) == []
-
-
-def test_a_file_is_not_fitted_as_it_is_without_the_toolbox(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A line says how to install it; the equations are fitted none the less."""
-    robot = robot_numbers(ROBOT)
-    monkeypatch.delattr(toolbox.sysid, "optimize", raising=False)
-    assert [*fitting.as_it_is(robot)] == []
-    assert "`sysid`" in capsys.readouterr().out
-    assert [*fitting.as_it_is(numbers_of("pendulum_robot"))] == []
 
 
 def test_a_position_that_strays_may_be_of_another_world() -> None:

@@ -134,7 +134,7 @@ bench: setup
 	$(BIN)/python -m bench.speed
 	$(BIN)/python -m bench.kernels
 
-# Measure the constants of COST_MODEL in robotball/engines/mujoco/cost_model.py. Takes half an hour.
+# Measure the constants of COST_MODEL in robotball/engines/mujoco/special_limits.py. Takes half an hour.
 cost-model: setup
 	$(BIN)/python -m bench.cost_model
 

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -24,6 +23,7 @@ from robotball.engines.mujoco.settings import (
     Settings,
     recipe,
 )
+from robotball.engines.mujoco.special_limits import COST_MODEL
 from robotball.engines.observe import step_count
 from robotball.errors import warn
 from robotball.motion import (

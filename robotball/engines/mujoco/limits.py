@@ -4,8 +4,7 @@ A law is a function of a planned run. The first line of its docstring is printed
 and in the legends of `robotball study extremes`; the rest has the derivation and the measured
 accuracy. It returns the number of the run, its limit and the warning, or None if it does not apply.
 
-The laws here apply to every run. `robot_limits` has those of motors, changing drives, varying loads
-and adaptive steps, and `contact_limits` those of contacts that differ from the recipe's.
+The laws here apply to every run; `special_limits` has the laws that only some runs need.
 
 The numbers follow from the paper's equations if these describe the scene. Otherwise, or if a law is
 too coarse, they are measured in short trials.
@@ -106,19 +105,15 @@ class PlannedRun(Resolved):
         return scene.keeps_momentum and prescribed and not scene.ball.pendulums
 
     @property
-    def plain_robot(self) -> bool:
-        """True if no law of `robot_limits` applies."""
-        scene, prescribed = self.scene, [isinstance(h.actuation, Prescribed) for h in self.hinges]
-        return (
-            all(prescribed) and scene.steady and not (scene.load_varies or self.settings.adaptive)
-        )
-
-    @property
-    def plain_contact(self) -> bool:
-        """True if no law of `contact_limits` applies."""
-        settings, free = self.settings, self.settings.condim is None
-        ideal = free and settings.root == "shell" and settings.start_in_equilibrium
-        return bool(ideal and self.option("noslip_iterations"))
+    def plain(self) -> bool:
+        """True if no law of `special_limits` applies."""
+        scene, settings = self.scene, self.settings
+        if settings.adaptive or scene.load_varies or not scene.steady:
+            return False
+        if settings.condim or settings.root == "frame" or not settings.start_in_equilibrium:
+            return False
+        prescribed = (isinstance(hinge.actuation, Prescribed) for hinge in self.hinges)
+        return bool(self.option("noslip_iterations")) and all(prescribed)
 
     @cached_property
     def hinges(self) -> tuple[ModelHinge, ...]:

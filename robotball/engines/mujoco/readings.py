@@ -4,6 +4,9 @@ All is computed for many rows at once and by columns: at this size NumPy's norm 
 rows take several times as long.
 """
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import mujoco
 import numpy as np
 
@@ -14,6 +17,9 @@ from robotball.robot import formulas as eq
 from robotball.robot.loads import Loads
 from robotball.robot.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
+
+if TYPE_CHECKING:
+    from robotball.robot.loop import TrueReading
 
 # Sensors of coordinates and velocities, which show whether a state has diverged.
 _STATE_SENSORS = [
@@ -172,3 +178,32 @@ def own_faults(model: Model, rows: Array, readings: Readings) -> list[Sign]:
             if warnings[-1:, i].any()  # counters only grow
         ),
     ]
+
+
+def sensor_reader(model: Model) -> Callable[[mujoco.MjData], "TrueReading"]:
+    """Return a function that reads a robot's sensors in a state, without computing the forces."""
+    from robotball.robot.loop import TrueReading  # few scenes need it
+
+    compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
+    places = [
+        (hinge.index, *(columns[f"{hinge.name}_{kind}"].start for kind in ("angle", "rate")))
+        for hinge in model.hinges
+    ]
+
+    def sensed(data: mujoco.MjData) -> TrueReading:
+        mujoco.mj_kinematics(compiled, data)
+        mujoco.mj_comPos(compiled, data)
+        mujoco.mj_sensorPos(compiled, data)
+        mujoco.mj_comVel(compiled, data)
+        mujoco.mj_sensorVel(compiled, data)
+        # Plain floats: a lookup in an array takes as long as all the sensors.
+        values = data.sensordata.tolist()
+        angles, rates = [0.0] * count, [0.0] * count
+        for i, angle, rate in places:
+            angles[i], rates[i] = values[angle], values[rate]
+        attitude, turning = values[columns["attitude"]], values[columns["angular_velocity"]]
+        gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
+        point = np.array(values[columns["centre"]][:2])
+        return TrueReading(np.array(gyro), np.array(attitude), angles, rates, point)
+
+    return sensed

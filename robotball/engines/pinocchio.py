@@ -29,7 +29,6 @@ class _PinocchioSettings(adapter.PointSettings):
     with the contact, the error in rotating axes is 8 to 11 times as large.
     """
 
-    solver: Literal["ADMM", "PGS"] = "ADMM"  # of the contact
     friction: float = 0.8  # of ball and plane
     root: Literal["free flyer", "translation"] = "free flyer"
 
@@ -99,13 +98,11 @@ class _ContactWorld(adapter.SteppedWorld):
         self.damping, self.friction = adapter.spin_damping(scene, settings, step), settings.friction
         self.q, self.v = _coordinates(self.now, settings.root)
         self.rotating_axes = settings.root == "free flyer"
-        identity, solver = pin.SE3.Identity(), settings.solver
+        identity = pin.SE3.Identity()
         self.contact = pin.PointContactConstraintModel(self.model, 0, identity, 1, identity)
         self.contact.setFriction(settings.friction)
-        self.solver, self.settings, self.result = (
-            getattr(pin, solver + suffix)()
-            for suffix in ("ConstraintSolver", "SolverSettings", "SolverResult")
-        )
+        self.solver, self.settings = pin.ADMMConstraintSolver(), pin.ADMMSolverSettings()
+        self.result = pin.ADMMSolverResult()
         self.settings.max_iterations, self.settings.solve_ncp = 1000, True
         for kind in ("feasibility", "complementarity"):
             setattr(self.settings, f"absolute_{kind}_tol", 1e-10)

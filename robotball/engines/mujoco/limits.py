@@ -79,6 +79,12 @@ def percent(part: float) -> str:
     return f"{float(f'{100 * part:.2g}'):g} %"
 
 
+def error_check(value: float, limit: float, effect: str, remedy: str) -> LimitCheck:
+    """Return the check of a predicted relative error."""
+    size = f"by about {percent(value)}; {percent(limit)} is allowed"
+    return LimitCheck(value, limit, f"{effect} {size}: {remedy}")
+
+
 @dataclass(frozen=True)
 class PlannedRun(Resolved):
     """A scene under settings over a duration, with the numbers that laws need.
@@ -279,11 +285,8 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
 
         value = min(value, momentum_loss(plan.scene, plan.timestep, plan.duration))
     step = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
-    warning = (
-        f"{plan.integrator.name} will change M by about {percent(value)}; {percent(limit)} is "
-        f"allowed: take a timestep below {step:.2g} s, or an integrator of higher order"
-    )
-    return LimitCheck(value, limit, warning)
+    remedy = f"take a timestep below {step:.2g} s, or an integrator of higher order"
+    return error_check(value, limit, f"{plan.integrator.name} will change M", remedy)
 
 
 def friction_damping(plan: PlannedRun) -> LimitCheck | None:
@@ -478,8 +481,8 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
     limit = plan.settings.error_tolerance / _MAGNIFIED
 
     def lost(impulses: Array) -> float:
-        kept = [(h, h.actuation) for h in plan.hinges if isinstance(h.actuation, Prescribed)]
-        rates = [impulses[h.index] / a.armature / h.rate_scale for h, a in kept]
+        kept = [hinge for hinge in plan.hinges if isinstance(hinge.actuation, Prescribed)]
+        rates = [impulses[h.index] / h.actuation.armature / h.rate_scale for h in kept]
         return float(max(rates, default=0.0))
 
     start, rate, T = np.abs(plan.loads.motor_torques[0]), plan.rotation_rate, plan.duration
@@ -492,11 +495,8 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
         whole = plan.whole_loads.motor_torques
         impulses = np.abs(np.cumsum(whole, axis=0)).max(axis=0) * plan.duration / len(whole)
         value = lost(impulses)
-    warning = (
-        f"loads will change a prescribed rate by about {percent(value)}; {percent(limit)} is "
-        "allowed: take a larger armature for such heavy bodies"
-    )
-    return LimitCheck(value, limit, warning)
+    remedy = "take a larger armature for such heavy bodies"
+    return error_check(value, limit, "loads will change a prescribed rate", remedy)
 
 
 LAWS: tuple[Law, ...] = (

@@ -9,7 +9,13 @@ from functools import partial
 
 import numpy as np
 
-from robotball.engines.mujoco.limits import Law, LimitCheck, PlannedRun, inverse_inertia, percent
+from robotball.engines.mujoco.limits import (
+    Law,
+    LimitCheck,
+    PlannedRun,
+    error_check,
+    inverse_inertia,
+)
 from robotball.motion import RATE_ERROR, path_unit
 from robotball.robot.drive_sampling import seeing_step
 from robotball.robot.motors import Servo
@@ -77,11 +83,8 @@ def low_weight(plan: PlannedRun) -> LimitCheck | None:
     squared = size / inertia * (scene.gravity + 2 * scene.ball.radius * energy / inertia)
     value = float((squared * plan.timestep**2) ** 3 * plan.duration / _MEASURED)
     step = plan.timestep * (plan.tolerance / value) ** (1 / 6)
-    warning = (
-        f"the swing of a low weight will put RK4's path off by about {percent(value)}; "
-        f"{percent(plan.tolerance)} is allowed: take a timestep below {step:.2g} s"
-    )
-    return LimitCheck(value, plan.tolerance, warning)
+    effect, remedy = "the swing of a low weight will put RK4's path off", "take a timestep below"
+    return error_check(value, plan.tolerance, effect, f"{remedy} {step:.2g} s")
 
 
 def errors_added(plan: PlannedRun) -> LimitCheck | None:
@@ -95,11 +98,8 @@ def errors_added(plan: PlannedRun) -> LimitCheck | None:
         return None
     steps = plan.duration * COST_MODEL.steps_per_second(plan.rotation_rate, rtol)
     value = rtol * max(steps, 1.0)
-    warning = (
-        f"the errors of all steps may change M by about {percent(value)}; "
-        f"{percent(plan.tolerance)} is allowed: take a smaller rtol"
-    )
-    return LimitCheck(value, plan.tolerance, warning)
+    effect = "the errors of all steps may change M"
+    return error_check(value, plan.tolerance, effect, "take a smaller rtol")
 
 
 def settling(plan: PlannedRun) -> LimitCheck | None:
@@ -153,11 +153,9 @@ def drive_seen(plan: PlannedRun) -> LimitCheck | None:
     limit = min(plan.settings.error_tolerance, RATE_ERROR)
     error_of = partial(plan.scene.sampling_error, plan.duration)
     value, step = error_of(plan.timestep), seeing_step(error_of, plan.timestep, limit)
-    warning = (
-        f"a drive changes within a step, which will put its rate off by about {percent(value)}; "
-        f"{percent(limit)} is allowed: take a timestep below {step:.2g} s, or the adaptive preset"
-    )
-    return LimitCheck(value, limit, warning)
+    effect = "a drive changes within a step, which will put its rate off"
+    remedy = f"take a timestep below {step:.2g} s, or the adaptive preset"
+    return error_check(value, limit, effect, remedy)
 
 
 def servo_droop(plan: PlannedRun) -> LimitCheck | None:
@@ -165,20 +163,15 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
 
     Measured 0.75 to 0.99 of that, if it is small.
     """
-    servos = [(h, h.actuation) for h in plan.hinges if isinstance(h.actuation, Servo)]
-    if not servos:
+    gain = plan.settings.drive.gain if isinstance(plan.settings.drive, Servo) else np.inf
+    # The error of the scene's own servo belongs to the motion.
+    servos = [hinge for hinge in plan.hinges if hinge.actuation is plan.settings.drive]
+    if gain == np.inf or not servos:
         return None
-    value = 0.0
-    for hinge, servo in servos:
-        torque = float(np.abs(plan.loads.motor_torques[:, hinge.index]).max())
-        if hinge.motor is None:  # the error of the scene's own servo belongs to the motion
-            value = max(value, torque / servo.gain / hinge.rate_scale)
-    limit = plan.settings.error_tolerance
-    warning = (
-        f"loads will change a servo's rate by about {percent(value)}; {percent(limit)} is allowed: "
-        "take a higher gain, or prescribe the rate"
-    )
-    return LimitCheck(value, limit, warning)
+    torques = np.abs(plan.loads.motor_torques).max(axis=0)
+    value = float(max(torques[hinge.index] / gain / hinge.rate_scale for hinge in servos))
+    effect, remedy = "loads will change a servo's rate", "take a higher gain, or prescribe the rate"
+    return error_check(value, plan.settings.error_tolerance, effect, remedy)
 
 
 def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
@@ -206,11 +199,8 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
         return None
     weight = plan.scene.ball.mass * plan.scene.gravity
     value = coefficient * weight * plan.duration / plan.scene.momentum_scale
-    warning = (
-        "rolling or torsional friction, which the rolling model does not have, will reduce M by "
-        f"about {percent(value)}; {_allowed(plan)}: leave condim None"
-    )
-    return LimitCheck(value, plan.settings.error_tolerance, warning)
+    effect = "rolling or torsional friction, which the rolling model does not have, will reduce M"
+    return error_check(value, plan.settings.error_tolerance, effect, "leave condim None")
 
 
 def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
@@ -226,11 +216,8 @@ def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
     left_out = np.cross(plan.angular_velocity, plan.Omega)
     acceleration = plan.scene.ball.radius * float(np.linalg.norm(np.cross(left_out, plan.axes[2])))
     value = _slip(plan, acceleration)
-    warning = (
-        f"with the frame as root the ball will slip off its path by about {percent(value)}; "
-        f'{_allowed(plan)}: take root="shell"'
-    )
-    return LimitCheck(value, plan.settings.error_tolerance, warning)
+    effect = "with the frame as root the ball will slip off its path"
+    return error_check(value, plan.settings.error_tolerance, effect, 'take root="shell"')
 
 
 def creep(plan: PlannedRun) -> LimitCheck | None:
@@ -250,11 +237,9 @@ def creep(plan: PlannedRun) -> LimitCheck | None:
         softness *= plan.friction[0] ** 2
     force = float(np.linalg.norm(plan.loads.contact_force[:, :2], axis=1).max())
     value = _slip(plan, softness * force * inverse_inertia(plan)[0, 0])
-    warning = (
-        f"soft friction will let the ball creep off its path by about {percent(value)}; "
-        f"{_allowed(plan)}: give noslip_iterations 1 with an elliptic cone, or solimp nearer to 1"
-    )
-    return LimitCheck(value, plan.settings.error_tolerance, warning)
+    effect = "soft friction will let the ball creep off its path"
+    remedy = "give noslip_iterations 1 with an elliptic cone, or solimp nearer to 1"
+    return error_check(value, plan.settings.error_tolerance, effect, remedy)
 
 
 def _slip(plan: PlannedRun, acceleration: float) -> float:
@@ -278,11 +263,8 @@ def start_depth(plan: PlannedRun) -> LimitCheck | None:
     if plan.settings.start_in_equilibrium:
         return None
     value, limit = plan.equilibrium_depth / plan.scene.ball.radius, plan.settings.error_tolerance
-    warning = (
-        f"the ball will fall into the contact by about {percent(value)} of its radius; "
-        f"{percent(2 * limit)} is allowed: set start_in_equilibrium"
-    )
-    return LimitCheck(value, 2 * limit, warning)
+    effect = "the ball will fall into the contact, relative to its radius,"
+    return error_check(value, 2 * limit, effect, "set start_in_equilibrium")
 
 
 def first_step(plan: PlannedRun) -> LimitCheck | None:
@@ -297,15 +279,8 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
     force = float(np.linalg.norm(plan.loads.contact_force[0, :2]))
     slip = force * float(inverse_inertia(plan)[0, 0]) * plan.timestep
     value = slip / (plan.scene.momentum_scale * plan.scene.ball.radius / plan.scene.ball.d)
-    warning = (
-        f"the ball will slip by about {percent(value)} of its speed in the first step, which finds "
-        f"no contact; {_allowed(plan)}: set start_in_equilibrium"
-    )
-    return LimitCheck(value, plan.settings.error_tolerance, warning)
-
-
-def _allowed(plan: PlannedRun) -> str:
-    return f"{percent(plan.settings.error_tolerance)} is allowed"
+    effect = "the first step finds no contact, so the ball will slip, relative to its speed,"
+    return error_check(value, plan.settings.error_tolerance, effect, "set start_in_equilibrium")
 
 
 _OF_ROBOTS = (low_weight, errors_added, settling, servo_gain, drive_seen, servo_droop)

@@ -25,11 +25,7 @@ _Integrator = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class _DrakeSettings(adapter.PointSettings):
-    """Settings of a Drake run, in discrete time without an `integrator`.
-
-    approximation: of the contact in discrete time. In continuous time the timestep is the longest
-    step, or every step without `error_control`.
-    """
+    """Settings of a Drake run, in discrete time without an `integrator`; timestep: the longest."""
 
     approximation: Literal["sap", "lagged", "similar"] | None = None
     integrator: _Integrator | None = None

@@ -203,11 +203,10 @@ class _ExudynWorld(adapter.World):
 
 
 class _ContactWorld(_ExudynWorld):
-    """The shell as a body on Exudyn's contact between a sphere and a triangle.
+    """The shell on Exudyn's contact, and a second body for the rest of the ball.
 
-    A second body holds the rest of the ball. Our constraint makes the two share their centre and
-    turn against each other about the frame's axis at the prescribed rate; it also forbids a rubber
-    ball to spin.
+    Our constraint joins their centres, prescribes the frame's rate, and forbids a rubber ball to
+    spin.
     """
 
     def _fill(self) -> None:

@@ -24,9 +24,8 @@ _ARMATURE = 1e12  # kg m², of the hinges with contact: the load cannot accelera
 class _PinocchioSettings(adapter.PointSettings):
     """Settings of a Pinocchio run.
 
-    root: the shell's joint, a free flyer, with velocity in the shell's rotating axes, or a
-    translation and a spherical joint, with velocity in world axes. A step moves along the velocity:
-    with the contact, the error in rotating axes is 8 to 11 times as large.
+    root: the shell's joint, with velocity in rotating axes for a free flyer, else in world axes. A
+    step moves along the velocity, so rotating axes have 8 to 11 times the error with the contact.
     """
 
     friction: float = 0.8  # of ball and plane

@@ -145,10 +145,7 @@ def readings_of(
 
 
 def _frame_and_momentum(scene: Scene, state: State) -> tuple[Array, Array, Array]:
-    """Return the frame's attitude (n, 4) and ω (n, 3), and the ball's L (n, 3), in world axes.
-
-    L is the angular momentum about the contact point, summed over links from the root outwards.
-    """
+    """Return the frame's attitude and ω, and L about the contact point, in world axes (n, …)."""
     arm = state.centre * _UP
     # By link: attitude, ω, and the position and velocity of its pivot.
     states: dict[str, tuple[Array, Array, Array, Array]] = {}

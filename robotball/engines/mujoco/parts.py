@@ -80,10 +80,7 @@ def step_in_parts(control: Control, data: mujoco.MjData, stretch: Stretch) -> It
 
 @dataclass(frozen=True)
 class _LimitedMotor:
-    """A motor with a torque limit, and its numbers in MjModel.
-
-    gears (h,): its ratios to the hinges of the model.
-    """
+    """A motor with a torque limit and its numbers in MjModel; gears (h,): ratios to hinges."""
 
     law: Law
     command: Drive
@@ -93,19 +90,13 @@ class _LimitedMotor:
     bias: Array
 
     def wanted(self, angles: Array, rates: Array, t: float) -> float:
-        """Return the torque of its law at t [s], over the limit.
-
-        angles, rates (h,): of the model's hinges.
-        """
+        """Return the torque of its law at t [s], over the limit, for the model's hinges (h,)."""
         angle, rate = float(angles @ self.gears), float(rates @ self.gears)
         return float(self.law.unlimited(self.command.rate(t), angle, rate)) / self.law.limit
 
 
 class _Switches:
-    """The limited motors of a model, and the side of each.
-
-    The side is 0 between the limits, -1 or 1 at a limit with a constant torque, or _BY_MUJOCO.
-    """
+    """The limited motors of a model; a side is 0, -1 or 1 at a limit, or _BY_MUJOCO."""
 
     def __init__(self, control: Control, motors: tuple[_LimitedMotor, ...]) -> None:
         self.control, self.motors = control, motors

@@ -79,10 +79,7 @@ def readings_of(model: Model, rows: Array) -> Readings:
 
 
 def _momentum(model: Model, rows: Array) -> Array:
-    """Return the paper's M (m, 3) in world axes, from MuJoCo's momenta.
-
-    L = G + r×mv about the contact point; M = γ×L (3.1) in the rubber model, L in the classical one.
-    """
+    """Return the paper's M (m, 3), world: L = G + r×mv about the contact, γ×L for rubber (3.1)."""
     scene, columns = model.scene, model.sensor_columns
     centre = rows[:, columns["centre"]]
     linear = scene.ball.mass * rows[:, columns["velocity"]]
@@ -104,10 +101,7 @@ def _force_in_world(contact: Array) -> Array:
 
 
 def _friction_used(model: Model, contact: Array) -> Array:
-    """Return the used part (m,) of the friction cone, 1 on its surface, 0 in flight.
-
-    A pyramidal cone limits the sum of the components' sizes, an elliptic one their norm.
-    """
+    """Return the used part (m,) of the friction cone; a pyramidal cone limits a sum of sizes."""
     compiled = model.compiled
     # MuJoCo raises smaller coefficients to mjMINMU.
     slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
@@ -122,10 +116,7 @@ def _friction_used(model: Model, contact: Array) -> Array:
 
 
 def _sound(model: Model, rows: Array) -> Mask:
-    """Return whether each row (m,) is finite, with coordinates and velocities below DIVERGED.
-
-    Forces and momenta of a heavy ball may be larger.
-    """
+    """Return whether each row (m,) is finite, with state below DIVERGED; forces may exceed it."""
     # These two passes make no copy and suffice for most portions; a NaN fails both comparisons.
     if len(rows) and rows.min() > -DIVERGED and rows.max() < DIVERGED:
         return np.ones(len(rows), bool)
@@ -149,11 +140,7 @@ def _of_hinges(model: Model, rows: Array) -> Array:
 
 
 def _torque(rows: Array, columns: slice | None) -> Array:
-    """Return the torque (m,) of the parent on the child, along the hinge [N m].
-
-    It is the torque of the motor, or the load of a prescribed joint, whose site has its z along the
-    hinge. A passive hinge has no sensor for its torque.
-    """
+    """Return the motor's torque or the load of a prescribed joint (m,) [N m]; 0 if passive."""
     return np.zeros(len(rows)) if columns is None else rows[:, columns.stop - 1]
 
 

@@ -30,29 +30,11 @@ _EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 
 @dataclass(frozen=True)
 class _Integrator:
-    """An integrator with its order and its limits of stability.
+    """An integrator of MuJoCo, or scipy's if not `own`, with its limits of stability.
 
-    A limit is the largest stable value of a rate times the timestep, or None. limits.py has the
-    measurements.
-
-    Attributes
-    ----------
-    name : str
-        Its name in MJCF.
-    order : int
-        The order of its error in the timestep, for a smooth motion.
-    rotation_limit : float or None
-        The limit for the rate of a rotation.
-    friction_limit : float or None
-        The limit for the rate at which slip dies out.
-    servo_limit : float or None
-        The limit for a velocity servo's gain over its inertia.
-    momentum_loss : (int, float) or None
-        (p, f): a step with the rotation θ loses or gains the part f θᵖ of |M|.
-    marker, size : str and float
-        The marker in plots. Markers of different sizes show through each other.
-    own : bool
-        True for MuJoCo's integrators, False for scipy's, which drives MuJoCo's forward dynamics.
+    A limit is the largest stable rate times timestep, of a rotation, of the decay of slip, or of a
+    servo's gain over inertia; limits.py has the measurements. momentum_loss (p, f): a step with the
+    rotation θ changes |M| by the part f θᵖ. marker, size: in plots.
     """
 
     name: str

@@ -28,11 +28,7 @@ _SHORT = 1e-4  # of 1/b: the series' first term replaces a difference that cance
 
 @dataclass(frozen=True)
 class _CostModel:
-    """Error and cost of each family of steps, fitted to the catalog and 30 random balls over 10 s.
-
-    The rate is `accuracy.scene_rate`. `python -m bench.cost_model` fits the numbers again and
-    prints how far scenes scatter about them.
-    """
+    """Error and cost by steps, fitted by bench.cost_model to the catalog and 30 random balls."""
 
     # A path error goes at least with this power of the timestep and of rtol.
     order: float = 3.8
@@ -243,9 +239,9 @@ def creep(plan: PlannedRun) -> LimitCheck | None:
 
 
 def _slip(plan: PlannedRun, acceleration: float) -> float:
-    """Return the slip over the path, under an acceleration [m/s²] against damping.
+    """Return slip over path under an acceleration α [m/s²] and damping b.
 
-    dv/dt = α - b v from rest has the mean α/b (1 - (1 - exp(-bT))/(bT)) over the time T.
+    From rest dv/dt = α - b v has the mean α/b (1 - (1 - exp(-bT))/(bT)) over the time T.
     """
     b, T = plan.friction_damping, plan.duration
     grown = 1 + np.expm1(-b * T) / (b * T) if b * T > _SHORT else b * T / 2

@@ -294,10 +294,9 @@ def wrenches(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[mujoco.MjC
 
 
 class _State(NamedTuple):
-    """A state, or the states of a run, a row each. Contact values are NaN without contact.
+    """A state in world axes, or a run's states in plane axes; contact values may be NaN.
 
-    The sphere's values are in world axes for a state, and in plane axes for a run. resistance (2,):
-    the exerted and the declared rolling resistance [N m]. The last six are copies from MjData.
+    resistance (2,): exerted and declared rolling resistance [N m].
     """
 
     time: Any

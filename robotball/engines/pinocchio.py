@@ -161,6 +161,10 @@ class _Pinocchio(adapter.Adapter):
         return None
 
 
+_AS_IT_COMES = _PinocchioSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, spin_part=0.0
+)
+
 PINOCCHIO = _Pinocchio(
     label=Label("Pinocchio", adapter.version_of("pin"), "#56B4E9", "D"),
     packages=("pinocchio",),
@@ -169,13 +173,7 @@ PINOCCHIO = _Pinocchio(
         _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, ideal="RK4"),
         # DOP853 chooses its steps; the timestep is the longest.
         _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
-        _PinocchioSettings(
-            name="as-it-comes",
-            error_tolerance=1e-2,
-            stop_at_fault=False,
-            timestep=1e-3,
-            spin_part=0.0,
-        ),
+        _AS_IT_COMES,
         _PinocchioSettings(
             name="contact", error_tolerance=5e-2, timestep=1e-3, friction=20.0, root="translation"
         ),

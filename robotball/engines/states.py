@@ -94,7 +94,7 @@ class State:
         return np.concatenate(parts, axis=-1)
 
 
-def state_of_rows(rows: Array) -> State:
+def _state_of_rows(rows: Array) -> State:
     angles, rates = np.split(rows[:, 13:], 2, axis=1)
     return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
 
@@ -119,7 +119,7 @@ def readings_of(
     forces (n, 3) N, world: of the plane on the shell; friction: the contact's coefficient. Both are
     NaN if unknown.
     """
-    state = state_of_rows(rows)
+    state = _state_of_rows(rows)
     size = np.abs(np.concatenate([state.centre, state.velocity, state.omega], axis=1)).max(1)
     sound = np.isfinite(rows).all(axis=1) & (size <= DIVERGED)
     state = replace(state, attitude=attitudes(state.attitude, sound))

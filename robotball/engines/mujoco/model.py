@@ -295,8 +295,7 @@ def _add(parent: Element, tag: str, **values: Any) -> Element:
 
 def _set(element: Element, **values: Any) -> None:
     """Set the attributes of an MJCF element that are not None."""
-    words = {name: _word(value) for name, value in values.items() if value is not None}
-    element.attrib.update(words)
+    element.attrib.update({name: _word(v) for name, v in values.items() if v is not None})
 
 
 def _word(value: Any) -> str:

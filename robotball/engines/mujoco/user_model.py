@@ -140,12 +140,12 @@ class UserModel:
         return self.points(in_plane), obstacle
 
     def _obstacle(self, data: mujoco.MjData, deadline: float) -> Obstacle | None:
-        words = "the run takes too long" if time.process_time() > deadline else ""
+        message = "the run takes too long" if time.process_time() > deadline else ""
         if data.ncon > 1:  # more than the contact of sphere and plane
             contacts = (contact for _, contact in _others(self.robot, data))
             real = (self.robot.real_contact(data, contact, late=True) for contact in contacts)
-            words = next(filter(None, real), words)
-        return Obstacle(float(data.time), words) if words else None
+            message = next(filter(None, real), message)
+        return Obstacle(float(data.time), message) if message else None
 
     def points(self, centres: Array) -> Array:
         """Return contact points and heights (n, 3) from centres of the sphere in plane axes."""
@@ -227,11 +227,11 @@ def observed(
         rows.append(_row_of(robot, data))
         overlapping = set()
         for pair, contact in _others(robot, data):
-            words = "" if pair in inside else robot.real_contact(data, contact, late=i > 0)
-            if not words:
+            message = "" if pair in inside else robot.real_contact(data, contact, late=i > 0)
+            if not message:
                 overlapping.add(pair)
             elif i and obstacle is None:
-                obstacle = Obstacle(float(data.time), words)
+                obstacle = Obstacle(float(data.time), message)
         inside.update(overlapping)
         user.step(data, every)
         if i % max(1, _CLOCK_STEPS // every) == 0:

@@ -20,7 +20,6 @@ from robotball.engines.mujoco.settings import (
     Prescribed,
     Radii,
     Resolved,
-    for_load,
     settings_from,
 )
 from robotball.robot.motors import Servo
@@ -60,12 +59,12 @@ def test_the_load_chooses_one_of_two_recipes() -> None:
     """The whole of one or of the other; nothing is left open in the settings that run."""
     inclined = replace(FIG12, gravity_direction=(np.sin(0.1), 0.0, -np.cos(0.1)))
     for scene in (FIG12, inclined):
-        assert for_load(BALANCED, scene) == replace(BALANCED, **CONSTANT)
+        assert Resolved(scene, BALANCED).settings == replace(BALANCED, **CONSTANT)
         assert Resolved(scene, BALANCED).settings == replace(BALANCED, **CONSTANT)
     harder: dict[str, Any] = {"softness": 3e-4, "solref": (0.01, 1.0)}
-    assert for_load(BALANCED, worked("W5")) == replace(BALANCED, **VARYING, **harder)
-    assert for_load(FAST, worked("W5")).solref == (0.04, 1.0)  # two of its steps
-    assert for_load(rb.preset("adaptive"), worked("W5")).solref == (0.004, 1.0)
+    assert Resolved(worked("W5"), BALANCED).settings == replace(BALANCED, **VARYING, **harder)
+    assert Resolved(worked("W5"), FAST).settings.solref == (0.04, 1.0)  # two of its steps
+    assert Resolved(worked("W5"), rb.preset("adaptive")).settings.solref == (0.004, 1.0)
 
 
 SET: list[dict[str, Any]] = [
@@ -78,16 +77,18 @@ SET: list[dict[str, Any]] = [
 def test_what_a_user_sets_is_what_runs(scene: rb.Scene) -> None:
     """Also a value that one of the recipes has, on a scene that takes the other recipe."""
     for own in SET:
-        chosen = for_load(replace(BALANCED, **own), scene)
+        chosen = Resolved(scene, replace(BALANCED, **own)).settings
         assert {name: getattr(chosen, name) for name in own} == own
-        assert for_load(chosen, worked("W5")) is chosen  # whole settings run on any other scene
+        assert (
+            Resolved(worked("W5"), chosen).settings is chosen
+        )  # whole settings run on any other scene
     ran = rb.simulate(scene, np.array([0.0, 0.01]), settings=chosen).report.settings
     assert ran == chosen
 
 
 def test_settings_come_back_from_plain_data() -> None:
     """Radii are told from metres in a record, a servo from an armature, each checked as it is."""
-    whole = for_load(FAST, FIG12)
+    whole = Resolved(FIG12, FAST).settings
     assert whole.plain()["torsional_friction"] == {"radii": 20.0}
     for each in (FAST, whole, rb.preset("naive")):
         assert settings_from(json.loads(json.dumps(each.plain()))) == each

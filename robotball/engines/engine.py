@@ -265,9 +265,8 @@ def simulate(
     >>> print(f"{motion.path_length:.3f} m in {motion.report.steps} steps")
     1.857 m in 25 steps
     """
-    request = request_of(engine, settings, accuracy)
-    whole = replace(request, strict=strict, progress=progress)
-    return run_request(scene_of(scene), times, whole)
+    request = replace(request_of(engine, settings, accuracy), strict=strict, progress=progress)
+    return run_request(scene_of(scene), times, request)
 
 
 def request_of(

@@ -81,8 +81,8 @@ def percent(part: float) -> str:
 
 def error_check(value: float, limit: float, effect: str, remedy: str) -> LimitCheck:
     """Return the check of a predicted relative error."""
-    size = f"by about {percent(value)}; {percent(limit)} is allowed"
-    return LimitCheck(value, limit, f"{effect} {size}: {remedy}")
+    allowed = f"{percent(limit)} is allowed"
+    return LimitCheck(value, limit, f"{effect} by about {percent(value)}; {allowed}: {remedy}")
 
 
 @dataclass(frozen=True)
@@ -459,10 +459,8 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
     """
     rates = [abs(hinge.rate) for hinge in plan.scene.hinges]
     speed = float(np.linalg.norm(plan.rolling_velocity))
-    controls = [abs(hinge.control(0.0)) for hinge in plan.hinges]
-    reach = max(1.0, plan.duration)
-    turned = [rate * reach for rate in rates]
-    value = max(speed * reach, *turned, *controls, plan.rotation_rate)
+    controls, reach = [abs(h.control(0.0)) for h in plan.hinges], max(1.0, plan.duration)
+    value = max(*(rate * reach for rate in (speed, *rates)), *controls, plan.rotation_rate)
     warning = (
         f"a coordinate, rate or control will reach {value:.4g}, and MuJoCo takes more than "
         f"{_LARGEST_STATE:.4g} for a bad state: choose other units or a shorter run"

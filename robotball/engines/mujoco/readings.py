@@ -5,7 +5,7 @@ rows take several times as long.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,9 +17,6 @@ from robotball.robot import formulas as eq
 from robotball.robot.loads import Loads
 from robotball.robot.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
-
-if TYPE_CHECKING:
-    from robotball.robot.loop import TrueReading
 
 # Sensors of coordinates and velocities, which show whether a state has diverged.
 _STATE_SENSORS = [
@@ -167,7 +164,7 @@ def own_faults(model: Model, rows: Array, readings: Readings) -> list[Sign]:
     ]
 
 
-def sensor_reader(model: Model) -> Callable[[mujoco.MjData], "TrueReading"]:
+def sensor_reader(model: Model) -> Callable[[mujoco.MjData], Any]:
     """Return a function that reads a robot's sensors in a state, without computing the forces."""
     from robotball.robot.loop import TrueReading  # few scenes need it
 
@@ -190,7 +187,7 @@ def sensor_reader(model: Model) -> Callable[[mujoco.MjData], "TrueReading"]:
             angles[i], rates[i] = values[angle], values[rate]
         attitude, turning = values[columns["attitude"]], values[columns["angular_velocity"]]
         gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
-        point = np.array(values[columns["centre"]][:2])
-        return TrueReading(np.array(gyro), np.array(attitude), angles, rates, point)
+        point, *axes = map(np.array, (values[columns["centre"]][:2], gyro, attitude))
+        return TrueReading(axes[0], axes[1], angles, rates, point)
 
     return sensed

@@ -134,7 +134,7 @@ bench: setup
 	$(BIN)/python -m bench.speed
 	$(BIN)/python -m bench.kernels
 
-# Measure the constants of COST_MODEL in robotball/engines/mujoco/cost_model.py. Takes half an hour.
+# Measure the constants of COST_MODEL in robotball/engines/mujoco/special_limits.py. Takes half an hour.
 cost-model: setup
 	$(BIN)/python -m bench.cost_model
 
@@ -179,7 +179,7 @@ browser:
 
 lock: | $(UV)
 	$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	  --extra reference --extra cluster --extra parquet --extra xarray --extra sysid \
+	  --extra reference --extra cluster --extra parquet --extra xarray \
 	  --extra bench --extra docs --extra dev \
 	  --no-header --no-annotate --upgrade --output-file requirements.lock pyproject.toml
 

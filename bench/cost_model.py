@@ -20,10 +20,10 @@ from robotball import Motion, Scene, SceneWarning, Settings, catalog, integrate,
 from robotball.engines.engine import as_own, simulate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
-from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import ADAPTIVE, recipe
+from robotball.engines.mujoco.special_limits import COST_MODEL
 from robotball.rotations import Array
 from tests.random_balls import ball_of_points
 from validation.agreement import Agreement

@@ -5,7 +5,7 @@ semi-implicit Euler only.
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -15,31 +15,20 @@ from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, from_matrix, rotation_matrix
 
-_LEAST = 1e-12  # kg and kg m², of a body between two joints; DART's default is 1 kg
-
 
 @dataclass(frozen=True, kw_only=True)
 class _DartSettings(adapter.PointSettings):
-    """Settings of a DART run.
-
-    root: the shell's joint, a free joint, or a translation with Euler angles. A translation with a
-    ball joint gives the same digits as the free joint.
-    """
+    """Settings of a DART run."""
 
     friction: float | None = None  # of ball and plane
-    root: Literal["free", "Euler"] = "free"
 
 
-def _skeleton(scene: Scene, dart: Any, root: str = "free") -> Any:
+def _skeleton(scene: Scene, dart: Any) -> Any:
     ball = dart.dynamics.Skeleton("ball")
     bodies: dict[str, Any] = {}
     for link in links_of(scene):
-        if not link.parent and root == "free":
+        if not link.parent:
             _, body = ball.createFreeJointAndBodyNodePair()
-        elif not link.parent:
-            _, carrier = ball.createTranslationalJointAndBodyNodePair()
-            carrier.setInertia(dart.dynamics.Inertia(_LEAST, np.zeros(3), _LEAST * np.eye(3)))
-            _, body = ball.createEulerJointAndBodyNodePair(carrier)
         else:
             properties = dart.dynamics.RevoluteJointProperties()
             properties.mName = link.name
@@ -58,19 +47,11 @@ def _skeleton(scene: Scene, dart: Any, root: str = "free") -> Any:
 
 def _put(ball: Any, state: State, dart: Any) -> None:
     """Set the ball's state. A free joint's velocities are (ω, v) in world axes."""
-    R, root = rotation_matrix(state.attitude), ball.getBodyNode("shell").getParentJoint()
-    if isinstance(root, dart.dynamics.FreeJoint):
-        place = dart.math.Isometry3()
-        place.set_rotation(R)
-        place.set_translation(state.centre)
-        ball.setPositions(np.concatenate([root.convertToPositions(place), state.angles]))
-        ball.setVelocities(np.concatenate([state.omega, state.velocity, state.rates]))
-        return
-    angles = dart.math.matrixToEulerXYZ(R)
-    ball.setPositions(np.concatenate([state.centre, angles, state.angles]))
-    # The Jacobian gives ω in the shell's axes.
-    euler_rates = np.linalg.solve(root.getRelativeJacobian()[:3], R.T @ state.omega)
-    ball.setVelocities(np.concatenate([state.velocity, euler_rates, state.rates]))
+    root, place = ball.getBodyNode("shell").getParentJoint(), dart.math.Isometry3()
+    place.set_rotation(rotation_matrix(state.attitude))
+    place.set_translation(state.centre)
+    ball.setPositions(np.concatenate([root.convertToPositions(place), state.angles]))
+    ball.setVelocities(np.concatenate([state.omega, state.velocity, state.rates]))
 
 
 class _DartWorld(adapter.ServoWorld):
@@ -78,7 +59,7 @@ class _DartWorld(adapter.ServoWorld):
         super().__init__(scene)
         import dartpy
 
-        self.ball = _skeleton(scene, dartpy, settings.root)
+        self.ball = _skeleton(scene, dartpy)
         self.world, self.shell = dartpy.simulation.World(), self.ball.getBodyNode("shell")
         self.damping = adapter.spin_damping(scene, settings, step)
         self.world.setTimeStep(step)

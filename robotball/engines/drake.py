@@ -18,21 +18,14 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
 _FIRST_DEPTH, _DEPTH_ERROR = 1e-3, 1e-12  # radii, in the search for the depth at rest
-_Integrator = Literal[
-    "runge_kutta3", "radau3", "implicit_euler", "velocity_implicit_euler", "cenic"
-]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _DrakeSettings(adapter.PointSettings):
-    """Settings of a Drake run, in discrete time without an `integrator`.
-
-    approximation: of the contact in discrete time. In continuous time the timestep is the longest
-    step, or every step without `error_control`.
-    """
+    """Settings of a Drake run, in discrete time without an `integrator`; timestep: the longest."""
 
     approximation: Literal["sap", "lagged", "similar"] | None = None
-    integrator: _Integrator | None = None
+    integrator: str | None = None  # Drake's name, such as "radau3"
     accuracy_per_step: float | None = None  # of error control and Newton's iteration
     error_control: bool = True
     stiction: float | None = None  # m/s, slip speed at which friction is full

@@ -265,9 +265,8 @@ def simulate(
     >>> print(f"{motion.path_length:.3f} m in {motion.report.steps} steps")
     1.857 m in 25 steps
     """
-    request = request_of(engine, settings, accuracy)
-    whole = replace(request, strict=strict, progress=progress)
-    return run_request(scene_of(scene), times, whole)
+    request = replace(request_of(engine, settings, accuracy), strict=strict, progress=progress)
+    return run_request(scene_of(scene), times, request)
 
 
 def request_of(
@@ -352,11 +351,9 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
             f"the ball rolls {motion.path_length:.2g} m in {motion.times[-1]:g} s, less than its "
             f"radius of {radius:g} m: check the start, the rates [rad/s] and the masses [kg]"
         )
-    for i, hinge in enumerate(scene.hinges):
-        motor = hinge.motor
-        if motor is not None and motor.follows_rate:
-            no_load = motor.law.limit / motor.law.per_rate
-            rate = np.abs(motion.hinge_rates[:, i]).max()
+    for hinge, rates in zip(scene.hinges, motion.hinge_rates.T, strict=True):
+        if hinge.motor is not None and hinge.motor.follows_rate:
+            no_load, rate = hinge.motor.law.limit / hinge.motor.law.per_rate, np.abs(rates).max()
             if rate > _NO_LOAD * no_load:
                 yield (
                     f"{hinge.name}'s motor turns at {rate:.3g} rad/s, and its rate without load is "

@@ -230,11 +230,7 @@ def _add_ours(home: Path, failure: str) -> None:
 
 
 def _uv(home: Path, failure: str, *arguments: str, text: str = "") -> str:
-    """Return uv's output. Raises InputError without uv, or with `failure` and uv's reason.
-
-    Runs in the folder of environments, because uv reads settings from the current folder. Files
-    that it makes are for this user alone.
-    """
+    """Return uv's output. Raises InputError without uv, or with `failure` and uv's reason."""
     folders = (sysconfig.get_path("scripts"), *map(str, _path()))
     if (uv := which("uv", path=os.pathsep.join(folders))) is None:
         raise InputError("engines are installed with uv, which is not found here: pip install uv")

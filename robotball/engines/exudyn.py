@@ -26,10 +26,7 @@ _PLANE = 1e4  # size of the plane in radii
 
 @dataclass(frozen=True, kw_only=True)
 class _ExudynSettings(adapter.StepSettings):
-    """Settings of an Exudyn run.
-
-    node: Euler parameters, or a rotation vector on the Lie group.
-    """
+    """Settings of an Exudyn run."""
 
     solver: Literal["TrapezoidalIndex2", "GeneralizedAlpha"] = "GeneralizedAlpha"
     tolerance: float | None = None  # of Newton's iteration, relative
@@ -38,7 +35,6 @@ class _ExudynSettings(adapter.StepSettings):
     friction: float | None = None  # of Exudyn's contact; None: our constraint
     slip_zone: float = 2e-5  # m/s, slip speed at which friction is full
     stiffness: float | None = None  # N/m, of the contact; None: pressed in by 1e-6 radii
-    node: Literal["RigidBodyEP", "RigidBodyRotVecLG"] = "RigidBodyEP"
 
 
 class _ExudynWorld(adapter.World):
@@ -50,12 +46,9 @@ class _ExudynWorld(adapter.World):
         import exudyn.itemInterface
         import exudyn.rigidBodyUtilities
 
-        self.settings, self.calls, self.rotation = settings, [0, 0, 0], self.now.attitude
+        self.settings, self.calls = settings, [0, 0, 0]
         self.exudyn, self.items, self.longest = exudyn, exudyn.itemInterface, step
-        self.rotations = exudyn.rigidBodyUtilities
-        if settings.node == "RigidBodyRotVecLG":
-            R = rotation_matrix(self.rotation)
-            self.rotation = self.rotations.RotationMatrix2RotationVector(R)
+        self.to_omega = exudyn.rigidBodyUtilities.EulerParameters2G
         self.container = exudyn.SystemContainer()
         self.system = self.container.AddSystem()
         self.nodes: list[Any] = []
@@ -73,32 +66,26 @@ class _ExudynWorld(adapter.World):
         """Add bodies and the constraint. The last node is the one that is read."""
         ball = self.scene.ball
         self.row_count, self.driven = 4 if self.scene.rolling == "rubber" else 3, slice(None)
-        omega = self.now.omega + self.now.rates[0] * self._axis(self.rotation)
+        omega = self.now.omega + self.now.rates[0] * self._axis(self.now.attitude)
         self._torque_on(self._body(ball.mass, ball.inertia, omega))
         self._constrain([self.system.AddNode(self.items.NodePointGround()), *self.nodes])
 
-    def _axis(self, rotation: Array) -> Array:
-        """Return the shell's axis in world axes, from a node's rotation coordinates."""
-        R = rotation_matrix(rotation) if len(rotation) == 4 else self._to_omega(rotation)
-        return np.asarray(R @ self.scene.ball.shell.axis)
+    def _axis(self, attitude: Array) -> Array:
+        """Return the shell's axis in world axes."""
+        return np.asarray(rotation_matrix(attitude) @ self.scene.ball.shell.axis)
 
-    def _to_omega(self, rotation: Array) -> Array:
-        """Return the matrix from a node's rotation rates to ω in world axes."""
-        if len(rotation) == 4:
-            return np.array(self.rotations.EulerParameters2G(rotation))
-        # The rates of a rotation vector node are ω in the body's axes.
-        return np.asarray(self.rotations.RotationVector2RotationMatrix(rotation))
+    def _to_omega(self, attitude: Array) -> Array:
+        """Return the matrix from the rates of Euler parameters to ω in world axes."""
+        return np.array(self.to_omega(attitude))
 
     def _body(self, mass: float, inertia: Array, omega: Array) -> Any:
         """Add a body at the sphere's centre, in the ball's axes. Returns its marker."""
         system, items, now = self.system, self.items, self.now
-        start = np.array([0.0, 0.0, self.scene.ball.radius, *self.rotation])
-        rates = [*now.velocity, *np.linalg.pinv(self._to_omega(self.rotation)) @ omega]
-        kind = getattr(items, f"Node{self.settings.node}")
+        start = np.array([0.0, 0.0, self.scene.ball.radius, *now.attitude])
+        rates = [*now.velocity, *np.linalg.pinv(self._to_omega(now.attitude)) @ omega]
         # Initial coordinates are relative to the reference coordinates.
-        node = system.AddNode(
-            kind(referenceCoordinates=start, initialCoordinates=0 * start, initialVelocities=rates)
-        )
+        coordinates = {"referenceCoordinates": start, "initialCoordinates": 0 * start}
+        node = system.AddNode(items.NodeRigidBodyEP(**coordinates, initialVelocities=rates))
         self.nodes.append(node)
         moments = inertia[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]  # xx, yy, zz, yz, xz, xy
         body = items.ObjectRigidBody(mass=mass, inertia=moments, nodeNumber=node)
@@ -205,7 +192,7 @@ class _ExudynWorld(adapter.World):
 
     def python_seconds(self) -> float:
         """Return the time of our three functions, from the number of their calls [s]."""
-        q = np.array([*np.zeros(3), *self.rotation] * len(self.nodes))
+        q = np.array([*np.zeros(3), *self.now.attitude] * len(self.nodes))
         arguments = (None, 0.0, 0, q, np.ones(len(q)), True)
         timed = (
             lambda: self._torque(self.system, 0.0, None),
@@ -216,18 +203,17 @@ class _ExudynWorld(adapter.World):
 
 
 class _ContactWorld(_ExudynWorld):
-    """The shell as a body on Exudyn's contact between a sphere and a triangle.
+    """The shell on Exudyn's contact, and a second body for the rest of the ball.
 
-    A second body holds the rest of the ball. Our constraint makes the two share their centre and
-    turn against each other about the frame's axis at the prescribed rate; it also forbids a rubber
-    ball to spin.
+    Our constraint joins their centres, prescribes the frame's rate, and forbids a rubber ball to
+    spin.
     """
 
     def _fill(self) -> None:
         system, items, settings = self.system, self.items, self.settings
         scene, ball, now = self.scene, self.scene.ball, self.now
         self.row_count, self.driven = 7 if scene.rolling == "rubber" else 6, slice(1, None)
-        shell, omega = ball.shell, now.omega + now.rates[0] * self._axis(self.rotation)
+        shell, omega = ball.shell, now.omega + now.rates[0] * self._axis(self.now.attitude)
         # Frame and shell have the same axes at the start.
         self._torque_on(self._body(ball.mass - shell.mass, ball.inertia - shell.inertia, omega))
         sphere = self._body(shell.mass, shell.inertia, now.omega)

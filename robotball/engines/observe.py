@@ -133,16 +133,8 @@ Sign = tuple[Mask, Fault]
 class _Monitor:
     """Detect faults: slip, lost contact, wrong hinge rates, drifting momentum, divergence.
 
-    Engines warn of few of these. The monitor keeps its state between calls.
-
-    Attributes
-    ----------
-    rolled, slipped : float, m
-        Current lengths of path and slip. In the rubber model spin times radius counts as slip.
-    momentum : (3,), kg m²/s
-        M of the first state.
-    ahead : (1, k), rad
-        Hinge angles minus the drives' angles.
+    rolled, slipped: lengths so far [m], with spin times radius as slip in the rubber model;
+    momentum: M at the start; ahead (1, k): hinge angles minus their drives' angles [rad].
     """
 
     def __init__(self, scene: Scene, settings: EngineSettings) -> None:
@@ -157,16 +149,8 @@ class _Monitor:
     ) -> list[_FaultAt]:
         """Return the first fault of each kind in the next readings, the earliest first.
 
-        If the settings stop at a fault, the first fault that is not a mere event is fatal.
-
-        Parameters
-        ----------
-        readings : Readings
-            Of the next m states.
-        extra : sequence of Sign
-            Faults that the engine itself has found.
-        failure : Fault, optional
-            The reason why the integrator could not continue after the last row.
+        extra: faults that the engine found; failure: why the integrator could not go on after the
+        last row. If the settings stop at a fault, the first that is no mere event is fatal.
         """
         # Squares of a diverged state's numbers overflow.
         with np.errstate(all="ignore"):
@@ -204,10 +188,9 @@ class _Monitor:
         ]
 
     def _off_between(self, readings: Readings, elapsed: Array, exact: Sequence[int]) -> Mask:
-        """Return the rows (m, k) before which a hinge has not followed the angle of its drive.
+        """Return the rows (m, k) before which a hinge left its drive's angle.
 
-        Rates alone do not suffice: if a drive's period divides the timestep, they are equal at
-        every row.
+        If a drive's period divides the timestep, rates are right at every row.
         """
         times = np.where(np.isfinite(readings.time), readings.time, 0.0)
         angles, drives = readings.hinge_angles[:, exact], [self.scene.drives[i] for i in exact]
@@ -242,10 +225,7 @@ class _Monitor:
 
 
 def _rate_errors_of(scene: Scene, readings: Readings) -> Array:
-    """Return the errors (m, h) of the hinge rates in units of `Scene.rate_scales`.
-
-    Hinges with a motor count as exact: their lag belongs to the motion.
-    """
+    """Return hinge rate errors (m, h) in `Scene.rate_scales`; a motor's lag is no error."""
     rates, errors = readings.hinge_rates, np.zeros_like(readings.hinge_rates)
     # A diverged state's time may not be finite; drives cannot be evaluated there.
     times = np.where(np.isfinite(readings.time), readings.time, 0.0)

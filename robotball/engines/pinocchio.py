@@ -24,12 +24,10 @@ _ARMATURE = 1e12  # kg m², of the hinges with contact: the load cannot accelera
 class _PinocchioSettings(adapter.PointSettings):
     """Settings of a Pinocchio run.
 
-    root: the shell's joint, a free flyer, with velocity in the shell's rotating axes, or a
-    translation and a spherical joint, with velocity in world axes. A step moves along the velocity:
-    with the contact, the error in rotating axes is 8 to 11 times as large.
+    root: the shell's joint, with velocity in rotating axes for a free flyer, else in world axes. A
+    step moves along the velocity, so rotating axes have 8 to 11 times the error with the contact.
     """
 
-    solver: Literal["ADMM", "PGS"] = "ADMM"  # of the contact
     friction: float = 0.8  # of ball and plane
     root: Literal["free flyer", "translation"] = "free flyer"
 
@@ -99,13 +97,11 @@ class _ContactWorld(adapter.SteppedWorld):
         self.damping, self.friction = adapter.spin_damping(scene, settings, step), settings.friction
         self.q, self.v = _coordinates(self.now, settings.root)
         self.rotating_axes = settings.root == "free flyer"
-        identity, solver = pin.SE3.Identity(), settings.solver
+        identity = pin.SE3.Identity()
         self.contact = pin.PointContactConstraintModel(self.model, 0, identity, 1, identity)
         self.contact.setFriction(settings.friction)
-        self.solver, self.settings, self.result = (
-            getattr(pin, solver + suffix)()
-            for suffix in ("ConstraintSolver", "SolverSettings", "SolverResult")
-        )
+        self.solver, self.settings = pin.ADMMConstraintSolver(), pin.ADMMSolverSettings()
+        self.result = pin.ADMMSolverResult()
         self.settings.max_iterations, self.settings.solve_ncp = 1000, True
         for kind in ("feasibility", "complementarity"):
             setattr(self.settings, f"absolute_{kind}_tol", 1e-10)
@@ -165,6 +161,10 @@ class _Pinocchio(adapter.Adapter):
         return None
 
 
+_AS_IT_COMES = _PinocchioSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, spin_part=0.0
+)
+
 PINOCCHIO = _Pinocchio(
     label=Label("Pinocchio", adapter.version_of("pin"), "#56B4E9", "D"),
     packages=("pinocchio",),
@@ -173,13 +173,7 @@ PINOCCHIO = _Pinocchio(
         _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, ideal="RK4"),
         # DOP853 chooses its steps; the timestep is the longest.
         _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
-        _PinocchioSettings(
-            name="as-it-comes",
-            error_tolerance=1e-2,
-            stop_at_fault=False,
-            timestep=1e-3,
-            spin_part=0.0,
-        ),
+        _AS_IT_COMES,
         _PinocchioSettings(
             name="contact", error_tolerance=5e-2, timestep=1e-3, friction=20.0, root="translation"
         ),

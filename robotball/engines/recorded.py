@@ -6,7 +6,7 @@ through neighbouring samples, with estimated errors.
 
 import contextlib
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -59,10 +59,7 @@ def turned_between(attitude: Array) -> Array:
 
 
 def _slopes(times: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """Return the slopes (n, k) at the samples of polynomials through `points` neighbours each.
-
-    Also return the slopes' noise (n,), if the highest divided differences are pure noise.
-    """
+    """Return slopes (n, k) and noise (n,) of polynomials through `points` neighbours each."""
     every = np.arange(len(times))
     parts = [_slopes_at(every[piece], times, values, points) for piece in pieces(len(times))]
     slopes, noise = zip(*parts, strict=True)
@@ -306,6 +303,5 @@ def _label(header: dict[str, str] | object, name: str) -> Label:
     """Return the engine's label from the file, or one with the file's name."""
     engine = header.get("engine", "") if isinstance(header, dict) else ""
     with contextlib.suppress(InputError), readable(name):
-        saved = {"marker": "H", **json.loads(engine)}  # earlier releases saved no marker
-        return Label(**{field.name: str(saved[field.name]) for field in fields(Label)})
+        return Label(**json.loads(engine))
     return Label(engine or name, "", _COLOUR)

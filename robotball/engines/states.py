@@ -94,7 +94,7 @@ class State:
         return np.concatenate(parts, axis=-1)
 
 
-def state_of_rows(rows: Array) -> State:
+def _state_of_rows(rows: Array) -> State:
     angles, rates = np.split(rows[:, 13:], 2, axis=1)
     return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
 
@@ -121,7 +121,7 @@ def readings_of(
     forces (n, 3) N, world: of the plane on the shell; friction: the contact's coefficient. Both are
     NaN if unknown.
     """
-    state = state_of_rows(rows)
+    state = _state_of_rows(rows)
     size = np.abs(np.concatenate([state.centre, state.velocity, state.omega], axis=1)).max(1)
     sound = np.isfinite(rows).all(axis=1) & (size <= DIVERGED)
     state = replace(state, attitude=attitudes(state.attitude, sound))
@@ -147,10 +147,7 @@ def readings_of(
 
 
 def _frame_and_momentum(scene: Scene, state: State) -> tuple[Array, Array, Array]:
-    """Return the frame's attitude (n, 4) and ω (n, 3), and the ball's L (n, 3), in world axes.
-
-    L is the angular momentum about the contact point, summed over links from the root outwards.
-    """
+    """Return the frame's attitude and ω, and L about the contact point, in world axes (n, …)."""
     arm = state.centre * _UP
     # By link: attitude, ω, and the position and velocity of its pivot.
     states: dict[str, tuple[Array, Array, Array, Array]] = {}

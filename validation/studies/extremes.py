@@ -23,7 +23,7 @@ from matplotlib.patches import Patch
 from rich.table import Table
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
-from robotball.engines.mujoco import LABEL, contact_limits, limits, robot_limits
+from robotball.engines.mujoco import LABEL, limits, special_limits
 from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import exceeded, limit_checks, run
@@ -60,7 +60,7 @@ _STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
 _WIDE, _PANEL, _LINE = 7.6, 3.0, 0.19  # inches: picture width, panel height, line of a legend
 _TICKS = 4  # ticks of an axis at most
 _ACROSS, _FEW = 3, 4  # panels in a row at most; up to _FEW panels stand in rows of two
-LAWS = {law.__name__: law for law in (*limits.LAWS, *robot_limits.LAWS, *contact_limits.LAWS)}
+LAWS = {law.__name__: law for law in (*limits.LAWS, *special_limits.LAWS)}
 
 
 class Outcome(Enum):

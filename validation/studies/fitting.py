@@ -15,8 +15,6 @@ from rich.console import Console
 
 from robotball import InputError
 from robotball.engines.engine import request_of, run_request
-from robotball.files import MODEL_FILES
-from robotball.files.numbers import Numbers
 from robotball.fit.evidence import Estimate, SensorFit
 from robotball.fit.fitting import Fit as Fitted
 from robotball.fit.fitting import fit
@@ -41,23 +39,6 @@ from ..report.chart import Line
 
 _EQUATIONS = "equations"
 _STRONG = 0.9  # a correlation that is worth a line
-
-
-def as_it_is(numbers: Numbers) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield how `fit` fits a robot's own file as it is, by the toolbox of its engine, and the name.
-
-    Prints a line where the toolbox is not installed.
-    """
-    if numbers.suffix not in MODEL_FILES:
-        return
-    from robotball.engines.mujoco import toolbox
-
-    try:
-        toolbox.check_toolbox()
-    except InputError as error:
-        print(error)
-        return
-    yield "the file as it is", {"run": toolbox.roll, "minimize": toolbox.least_squares}
 
 
 def lines(found: Fitted) -> Iterator[str]:
@@ -253,7 +234,7 @@ def fit_logs(
         raise InputError("--engine is of the presets: name some, as --preset naive,balanced")
     scene = numbers.scene({})
     logs = [read_log(path, scene) for path in paths]
-    runs: dict[str, dict[str, Any]] = {_EQUATIONS: {}, **dict(as_it_is(numbers))}
+    runs: dict[str, dict[str, Any]] = {_EQUATIONS: {}}
     for preset in presets:
         # To its end, whatever the engine does.
         request = request_of(engine, preset, keep_going=True)

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -24,6 +23,7 @@ from robotball.engines.mujoco.settings import (
     Settings,
     recipe,
 )
+from robotball.engines.mujoco.special_limits import COST_MODEL
 from robotball.engines.observe import step_count
 from robotball.errors import warn
 from robotball.motion import (
@@ -135,8 +135,7 @@ class _Search:
     def by_rtol(self, rtol: float, ratio: float) -> ContactMotion:
         """Run DOP853, with smaller rtols while the estimate exceeds the accuracy.
 
-        ratio: path error over change of M in the runs of RK4; infinite if unknown. A single run is
-        estimated with it, two runs also by their difference, and the larger estimate counts.
+        ratio: path error over change of M in the runs of RK4; infinite if unknown.
         """
         before, looser = None, rtol
         if not np.isfinite(ratio):
@@ -155,10 +154,9 @@ class _Search:
         return self.result(motion, error)
 
     def by_contact(self) -> ContactMotion:
-        """Run DOP853 at the finest rtol; under a varying load the contact's depth is the error.
+        """Run DOP853 at the finest rtol; a coarser one would lift the ball off its contact.
 
-        A coarser rtol would lift the ball off so shallow a contact. The error is estimated from a
-        second run with a larger time constant, whose contact is deeper.
+        Under a varying load the contact's depth is the error, so a deeper contact estimates it.
         """
         finest = self.settings(integrator=ADAPTIVE, rtol=_FINEST_RTOL)
         softer = self.pilot(integrator=ADAPTIVE, rtol=_SOFTER_RTOL)
@@ -176,8 +174,7 @@ class _Search:
     def rk4_error(self, coarse: ContactMotion, fine: ContactMotion) -> float:
         """Estimate the fine run's path error from a coarse run, and from the drives' sampling.
 
-        Both runs step to the same sample times. A drive whose period is a common multiple of their
-        steps would be the same constant in both, so their difference does not show it.
+        A drive whose period divides both steps looks constant in both runs.
         """
         step = fine.report.timestep
         error = self.error(coarse, fine, coarse.report.timestep / step, self.order)
@@ -186,10 +183,7 @@ class _Search:
     def error(
         self, coarse: ContactMotion, fine: ContactMotion, ratio: float, order: float
     ) -> float:
-        """Estimate the fine run's path error from one whose steps are `ratio` times as long.
-
-        Infinite if either broke off.
-        """
+        """Estimate the fine run's path error from one with `ratio` times its steps."""
         if not len(coarse.times) or len(fine.times) < len(self.times):
             return np.inf
         if coarse.times[-1] < fine.times[-1]:

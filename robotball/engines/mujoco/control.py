@@ -179,7 +179,7 @@ class Control:
         self.model = model
         self.loop: Loop | None = None
         if model.scene.controller is not None:
-            from robotball.engines.mujoco.closed_loop import sensor_reader
+            from robotball.engines.mujoco.readings import sensor_reader
             from robotball.robot import loop  # few scenes need it
 
             self.loop = loop.Loop(model.scene, model.scene.controller)

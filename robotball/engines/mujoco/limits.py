@@ -4,8 +4,7 @@ A law is a function of a planned run. The first line of its docstring is printed
 and in the legends of `robotball study extremes`; the rest has the derivation and the measured
 accuracy. It returns the number of the run, its limit and the warning, or None if it does not apply.
 
-The laws here apply to every run. `robot_limits` has those of motors, changing drives, varying loads
-and adaptive steps, and `contact_limits` those of contacts that differ from the recipe's.
+The laws here apply to every run; `special_limits` has the laws that only some runs need.
 
 The numbers follow from the paper's equations if these describe the scene. Otherwise, or if a law is
 too coarse, they are measured in short trials.
@@ -82,6 +81,12 @@ def percent(part: float) -> str:
     return f"{float(f'{100 * part:.2g}'):g} %"
 
 
+def error_check(value: float, limit: float, effect: str, remedy: str) -> LimitCheck:
+    """Return the check of a predicted relative error."""
+    allowed = f"{percent(limit)} is allowed"
+    return LimitCheck(value, limit, f"{effect} by about {percent(value)}; {allowed}: {remedy}")
+
+
 @dataclass(frozen=True)
 class PlannedRun(Resolved):
     """A scene under settings over a duration, with the numbers that laws need.
@@ -108,19 +113,15 @@ class PlannedRun(Resolved):
         return scene.keeps_momentum and prescribed and not scene.ball.pendulums
 
     @property
-    def plain_robot(self) -> bool:
-        """True if no law of `robot_limits` applies."""
-        scene, prescribed = self.scene, [isinstance(h.actuation, Prescribed) for h in self.hinges]
-        return (
-            all(prescribed) and scene.steady and not (scene.load_varies or self.settings.adaptive)
-        )
-
-    @property
-    def plain_contact(self) -> bool:
-        """True if no law of `contact_limits` applies."""
-        settings, free = self.settings, self.settings.condim is None
-        ideal = free and settings.root == "shell" and settings.start_in_equilibrium
-        return bool(ideal and self.option("noslip_iterations"))
+    def plain(self) -> bool:
+        """True if no law of `special_limits` applies."""
+        scene, settings = self.scene, self.settings
+        if settings.adaptive or scene.load_varies or not scene.steady:
+            return False
+        if settings.condim or settings.root == "frame" or not settings.start_in_equilibrium:
+            return False
+        prescribed = (isinstance(hinge.actuation, Prescribed) for hinge in self.hinges)
+        return bool(self.option("noslip_iterations")) and all(prescribed)
 
     @cached_property
     def hinges(self) -> tuple[ModelHinge, ...]:
@@ -286,11 +287,8 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
 
         value = min(value, momentum_loss(plan.scene, plan.timestep, plan.duration))
     step = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
-    warning = (
-        f"{plan.integrator.name} will change M by about {percent(value)}; {percent(limit)} is "
-        f"allowed: take a timestep below {step:.2g} s, or an integrator of higher order"
-    )
-    return LimitCheck(value, limit, warning)
+    remedy = f"take a timestep below {step:.2g} s, or an integrator of higher order"
+    return error_check(value, limit, f"{plan.integrator.name} will change M", remedy)
 
 
 def friction_damping(plan: PlannedRun) -> LimitCheck | None:
@@ -476,10 +474,8 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
     """
     rates = [abs(hinge.rate) for hinge in plan.scene.hinges]
     speed = float(np.linalg.norm(plan.rolling_velocity))
-    controls = [abs(hinge.control(0.0)) for hinge in plan.hinges]
-    reach = max(1.0, plan.duration)
-    turned = [rate * reach for rate in rates]
-    value = max(speed * reach, *turned, *controls, plan.rotation_rate)
+    controls, reach = [abs(h.control(0.0)) for h in plan.hinges], max(1.0, plan.duration)
+    value = max(*(rate * reach for rate in (speed, *rates)), *controls, plan.rotation_rate)
     warning = (
         f"a coordinate, rate or control will reach {value:.4g}, and MuJoCo takes more than "
         f"{_LARGEST_STATE:.4g} for a bad state: choose other units or a shorter run"
@@ -498,8 +494,8 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
     limit = plan.settings.error_tolerance / _MAGNIFIED
 
     def lost(impulses: Array) -> float:
-        kept = [(h, h.actuation) for h in plan.hinges if isinstance(h.actuation, Prescribed)]
-        rates = [impulses[h.index] / a.armature / h.rate_scale for h, a in kept]
+        kept = [hinge for hinge in plan.hinges if isinstance(hinge.actuation, Prescribed)]
+        rates = [impulses[h.index] / h.actuation.armature / h.rate_scale for h in kept]
         return float(max(rates, default=0.0))
 
     start, rate, T = np.abs(plan.loads.motor_torques[0]), plan.rotation_rate, plan.duration
@@ -512,11 +508,8 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
         whole = plan.whole_loads.motor_torques
         impulses = np.abs(np.cumsum(whole, axis=0)).max(axis=0) * plan.duration / len(whole)
         value = lost(impulses)
-    warning = (
-        f"loads will change a prescribed rate by about {percent(value)}; {percent(limit)} is "
-        "allowed: take a larger armature for such heavy bodies"
-    )
-    return LimitCheck(value, limit, warning)
+    remedy = "take a larger armature for such heavy bodies"
+    return error_check(value, limit, "loads will change a prescribed rate", remedy)
 
 
 LAWS: tuple[Law, ...] = (

@@ -146,10 +146,7 @@ def _words(model: Model, needs: str | None) -> list[str]:
 
 
 def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
-    """Return the step [s] for which held controls are accurate, and its expected path error.
-
-    If no step is, for example because the settings are inaccurate, return the step of the settings.
-    """
+    """Return the step [s] for accurate held controls, else of the settings, and its path error."""
     first = build(scene, settings).compiled.opt.timestep
     before, worst = _played(scene, settings, first, 1), 0.0
     # At least the radius, for a ball that hardly moves.
@@ -165,10 +162,7 @@ def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
 
 
 def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
-    """Return the contact points (_SAMPLES, 2) of a run with held controls [m].
-
-    parts: the number of its steps per step of the run that it is compared with.
-    """
+    """Return contact points (_SAMPLES, 2) [m] with held controls, `parts` steps for a step."""
     model = build(scene, replace(settings, timestep=step))
     data, rows = model.start_data(), _mean_controls(model)
     kept = set((parts * np.linspace(0, len(rows) // parts, _SAMPLES).astype(int)).tolist())
@@ -243,10 +237,7 @@ def _child(element: Element, tag: str) -> Element:
 
 
 def _stands(model: mujoco.MjModel) -> dict[str, tuple[Array, Array]]:
-    """Return each body's position from the sphere's centre [m] and the quaternion into its axes.
-
-    All hinges are at 0.
-    """
+    """Return each body's position from the sphere's centre [m] and its axes, hinges at 0."""
     data = mujoco.MjData(model)
     data.qpos[:] = 0
     data.qpos[3] = 1

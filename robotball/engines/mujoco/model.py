@@ -296,8 +296,7 @@ def _add(parent: Element, tag: str, **values: Any) -> Element:
 
 def _set(element: Element, **values: Any) -> None:
     """Set the attributes of an MJCF element that are not None."""
-    words = {name: _word(value) for name, value in values.items() if value is not None}
-    element.attrib.update(words)
+    element.attrib.update({name: _word(v) for name, v in values.items() if v is not None})
 
 
 def _word(value: Any) -> str:
@@ -375,11 +374,7 @@ def _add_actuator(
 
 
 def _add_sensors(sensors: Element, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:
-    """Add the sensors that a Motion needs; `body` is the root of the ball.
-
-    readings.py reads them by name. Computed in Python they would take 250 µs per sample, the time
-    of several steps.
-    """
+    """Add the sensors of a Motion; computed in Python they would take 250 µs per sample."""
     add = partial(_add, sensors)
     add("clock", name="time")
     add("framepos", name="centre", objtype="xbody", objname="shell")
@@ -405,10 +400,7 @@ def _add_sensors(sensors: Element, scene: Scene, body: str, hinges: tuple[ModelH
 
 
 def _compiled_model(xml: str, softness: float = 1.0) -> Any:
-    """Return the MjModel of an MJCF text, with the contact's softness multiplied.
-
-    Raises InputError if MuJoCo refuses it.
-    """
+    """Return an MJCF text's MjModel with softened contact. Raises InputError if refused."""
     try:
         with mujoco_silent():
             model = mujoco.MjModel.from_xml_string(xml)

@@ -1,11 +1,9 @@
 """MuJoCo as an engine: run a request and return the motion with its report.
 
 Read the folder in this order: `settings` (the recipes), `model` (MJCF from scene and settings),
-`control` and `stepping` (MuJoCo's integrators) with `torque_limits` and `rolling_resistance`,
-`adaptive` (DOP853), `readings` (sensor values, MuJoCo's warnings), `run`, `rollouts` (many runs),
-`limits` with `linearised` (predicted failures), `accuracy` (settings for an accuracy, and the error
-of given settings), `user_model`, `mjcf_export`, `ports` (MJX and MuJoCo Warp), `dm_environment`
-(the ball as a dm_control environment).
+`control` and `stepping` (MuJoCo's integrators) with `parts` and `rolling_resistance`, `adaptive`
+(DOP853), `readings` (sensor values and warnings), `run`, `rollouts` (many runs), `limits` with
+`special_limits` and `linearised` (predicted failures), `accuracy` (settings for an accuracy).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,16 +17,16 @@ from robotball.motion import ContactMotion, EngineSettings
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
-LEAST_ACCURACY = 1e-11  # path lengths; near an unstable motion rounding alone reaches half of it
 
-
-class MuJoCo(Engine):
+class _MuJoCo(Engine):
     """MuJoCo as an `Engine`."""
 
     label = LABEL
     presets: Mapping[str, EngineSettings] = PRESETS
     default = "balanced"
-    least_accuracy: float | None = LEAST_ACCURACY
+    least_accuracy: float | None = (
+        1e-11  # path lengths; near an unstable motion rounding reaches half of it
+    )
     as_it_comes = "naive"
     closes_loops = True
 
@@ -64,4 +62,4 @@ class MuJoCo(Engine):
         return run_many(scenes, as_own(settings, Settings, LABEL), times)
 
 
-MUJOCO = MuJoCo()
+MUJOCO = _MuJoCo()

@@ -1,16 +1,46 @@
-"""Steps in parts: at torque limits, near a standstill, and where MuJoCo has warned."""
+"""Steps in parts: at torque limits, near a standstill, and after a warning of MuJoCo.
+
+RK4 is of second order across a switch between a motor's law and its torque limit. A motor therefore
+stays on its side of the limit within a step, and a step across a switch is repeated up to the
+switch. `rolling_resistance` has the parts near a standstill.
+"""
 
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.optimize import brentq
 
-from robotball.engines.mujoco.control import Control, Portion, Stretch, TooManyPartsError, read_row
+from robotball.engines.mujoco.control import (
+    FREE_QPOS,
+    FREE_QVEL,
+    STATE,
+    Control,
+    Portion,
+    Steps,
+    Stretch,
+    TooManyPartsError,
+    read_row,
+    state_of,
+)
+from robotball.engines.mujoco.model import Model
 from robotball.motion import DIVERGED, Fault, FaultKind
+from robotball.robot.drives import Drive
+from robotball.robot.motors import Law
 from robotball.rotations import Array
 
 _LOOK = 64  # parts between two looks of the monitor; at most so many are taken after a fault
+# Part of a limit by which a motor may exceed it before it switches. The motion changes by the
+# square of it.
+_LATE = 1e-9
+_SHARP = 1e-10  # of a step: the tolerance of a switch's time
+_SHORTEST = 1e-6  # of a step: a switch nearer to an end of a step is taken to be there
+_MOST_SWITCHES = 8  # switches in a step; MuJoCo limits the torques in a step with more
+_BY_MUJOCO = 2  # in place of a side: MuJoCo limits the torque
 
 
 def step_in_parts(control: Control, data: mujoco.MjData, stretch: Stretch) -> Iterator[Portion]:
@@ -46,3 +76,145 @@ def step_in_parts(control: Control, data: mujoco.MjData, stretch: Stretch) -> It
                 yield portion(Fault(FaultKind.STEP_TOO_SHORT, np.nan, str(error), fatal=True))
                 return
     yield portion()
+
+
+@dataclass(frozen=True)
+class _LimitedMotor:
+    """A motor with a torque limit and its numbers in MjModel; gears (h,): ratios to hinges."""
+
+    law: Law
+    command: Drive
+    gears: Array
+    actuator: int
+    gain: Array
+    bias: Array
+
+    def wanted(self, angles: Array, rates: Array, t: float) -> float:
+        """Return the torque of its law at t [s], over the limit, for the model's hinges (h,)."""
+        angle, rate = float(angles @ self.gears), float(rates @ self.gears)
+        return float(self.law.unlimited(self.command.rate(t), angle, rate)) / self.law.limit
+
+
+class _Switches:
+    """The limited motors of a model; a side is 0, -1 or 1 at a limit, or _BY_MUJOCO."""
+
+    def __init__(self, control: Control, motors: tuple[_LimitedMotor, ...]) -> None:
+        self.control, self.motors = control, motors
+        self.known: tuple[Any, float] = (None, 0.0)
+        self.set([0] * len(motors))
+
+    def set(self, sides: list[int]) -> None:
+        """Set each motor of the compiled model to its law, or to a constant torque."""
+        compiled, self.sides = self.control.model.compiled, list(sides)
+        for motor, side in zip(self.motors, sides, strict=True):
+            i, at_limit = motor.actuator, side in (-1, 1)
+            compiled.actuator_forcelimited[i] = side == _BY_MUJOCO
+            compiled.actuator_gainprm[i] = 0.0 if at_limit else motor.gain
+            compiled.actuator_biasprm[i] = 0.0 if at_limit else motor.bias
+            if at_limit:
+                compiled.actuator_biasprm[i, 0] = side * motor.law.limit
+
+    def steps(self, data: mujoco.MjData, length: float) -> Iterator[float]:
+        """Take one step in parts that end at switches. Yields the length of each part [s]."""
+        remaining = length
+        for _ in range(_MOST_SWITCHES):
+            # After a jump of its command a motor is beyond its side before the step.
+            if self._late(data) > 0:
+                self._settle(data)
+            before = state_of(data)
+            if not self._after(data, remaining) > 0:  # a NaN ends here too
+                yield remaining
+                return
+            taken = self._until_switch(data, before, remaining)
+            if taken > remaining - _SHORTEST * length:
+                taken = remaining
+            mujoco.mj_setState(data.model, data, before, STATE)
+            if taken > _SHORTEST * length:
+                self._after(data, taken)
+                yield taken
+                remaining -= taken
+            self._switch(data)
+            if remaining == 0:
+                return
+        self.set([_BY_MUJOCO] * len(self.motors))
+        self._after(data, remaining)
+        yield remaining
+        self._settle(data)
+
+    def _settle(self, data: mujoco.MjData) -> None:
+        """Set the side of every motor from its law."""
+        self.set([_sign(wanted, 1.0) for wanted in self._wanted(data)])
+
+    def _wanted(self, data: mujoco.MjData) -> list[float]:
+        """Return the torque of each motor's law, over the limit."""
+        t = self.control.inside(data.time)
+        angles, rates = data.qpos[FREE_QPOS:], data.qvel[FREE_QVEL:]
+        return [motor.wanted(angles, rates, t) for motor in self.motors]
+
+    def _beyond(self, data: mujoco.MjData) -> list[float]:
+        """Return how far each motor's law is beyond its side, over the limit."""
+        sided = zip(self._wanted(data), self.sides, strict=True)
+        return [1 - side * wanted if side else abs(wanted) - 1 for wanted, side in sided]
+
+    def _late(self, data: mujoco.MjData) -> float:
+        """Return a number that is positive if a motor should have switched."""
+        # Most steps begin with the state and commands of the last step's end.
+        at = (data.time, self.control.span, self.sides)
+        if self.known[0] != at:
+            self.known = at, max(self._beyond(data), default=0.0) - _LATE
+        return self.known[1]
+
+    def _after(self, data: mujoco.MjData, length: float) -> float:
+        """Take a step, and return `_late` after it."""
+        self.control.take(data, length)
+        return self._late(data)
+
+    def _until_switch(self, data: mujoco.MjData, before: Array, longest: float) -> float:
+        """Return the length of a step [s] up to the first switch, which `longest` exceeds."""
+
+        # Each trial begins from the same state, so `late` is continuous in the step's length. A
+        # trial that diverges is beyond the switch.
+        def late(length: float) -> float:
+            mujoco.mj_setState(data.model, data, before, STATE)
+            beyond = self._after(data, length) if length else self._late(data)
+            return beyond if np.isfinite(beyond) else 1.0
+
+        return float(brentq(late, 0.0, longest, xtol=_SHARP * longest, rtol=_SHARP))
+
+    def _switch(self, data: mujoco.MjData) -> None:
+        """Change the side of the motor that has just reached or left its limit."""
+        beyond, wanted = self._beyond(data), self._wanted(data)
+        i, sides = int(np.argmax(beyond)), list(self.sides)
+        sides[i] = 0 if sides[i] else _sign(wanted[i], 0.0)
+        self.set(sides)
+
+
+def _sign(number: float, beyond: float) -> int:
+    """Return the sign of a number whose size exceeds `beyond`, else 0."""
+    return int(number > beyond) - int(number < -beyond)
+
+
+@contextmanager
+def at_limits(control: Control) -> Iterator[Steps]:
+    """Yield steps that end at the switches of a model's motors; restore the model afterwards."""
+    motors = tuple(_limited(control.model))
+    switches = _Switches(control, motors)
+    try:
+        yield switches.steps
+    finally:
+        switches.set([_BY_MUJOCO] * len(motors))
+
+
+def _limited(model: Model) -> Iterator[_LimitedMotor]:
+    """Yield the limited motors, with copies of the numbers that switches overwrite."""
+    scene, compiled = model.scene, model.compiled
+    places = dict(zip([h.name for h in model.hinges], np.eye(len(model.hinges)), strict=True))
+    motors = [(h.name, h.law, h.command, places[h.name]) for h in model.hinges if h.law]
+    for actuator, command in zip(scene.actuators, scene.controls, strict=True):
+        gears = np.sum([ratio * places[name] for name, ratio in actuator.gears], axis=0)
+        motors.append((actuator.name, actuator.law, command, gears))
+    for name, law, command, gears in motors:
+        if law.limit < np.inf:
+            i = compiled.actuator(name).id
+            gain, bias = compiled.actuator_gainprm[i].copy(), compiled.actuator_biasprm[i].copy()
+            yield _LimitedMotor(law, command, gears, i, gain, bias)

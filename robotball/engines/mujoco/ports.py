@@ -31,20 +31,14 @@ class _ModelSettings(adapter.StepSettings):
 
     model: Settings
     device: str = "cpu"
-
-
-@dataclass(frozen=True, kw_only=True)
-class _MjxSettings(_ModelSettings):
-    """Settings of an MJX run; `line_search` is its largest number of iterations, or None."""
-
-    line_search: int | None = None
+    line_search: int | None = None  # iterations of MJX at most
 
 
 class _MjxWorld(adapter.World):
     """One ball, or one for each of scenes, stepped in a compiled loop."""
 
     def __init__(
-        self, scene: Scene, settings: _MjxSettings, step: float, scenes: Sequence[Scene] = ()
+        self, scene: Scene, settings: _ModelSettings, step: float, scenes: Sequence[Scene] = ()
     ) -> None:
         super().__init__(scene)
         self.advance = _advance(bool(scenes))
@@ -156,7 +150,7 @@ _HARD = replace(
     noslip_iterations=None, noslip_tolerance=None, ls_tolerance=None,
 )  # fmt: skip
 _LOOSE: dict[str, Any] = {"error_tolerance": 1e-2, "stop_at_fault": False}
-_BEST = _MjxSettings(
+_BEST = _ModelSettings(
     name="best", error_tolerance=1e-4, stop_at_fault=False, timestep=5e-3, model=_HARD,
     line_search=5,
 )  # fmt: skip
@@ -168,7 +162,7 @@ MJX = adapter.Adapter(
     packages=("mujoco.mjx", "jax"),
     extra="mjx",
     presets=adapter.by_name(
-        _MjxSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST
+        _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST
     ),
     world=_MjxWorld,
 )

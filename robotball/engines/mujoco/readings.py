@@ -4,6 +4,9 @@ All is computed for many rows at once and by columns: at this size NumPy's norm 
 rows take several times as long.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import mujoco
 import numpy as np
 
@@ -73,10 +76,7 @@ def readings_of(model: Model, rows: Array) -> Readings:
 
 
 def _momentum(model: Model, rows: Array) -> Array:
-    """Return the paper's M (m, 3) in world axes, from MuJoCo's momenta.
-
-    L = G + r×mv about the contact point; M = γ×L (3.1) in the rubber model, L in the classical one.
-    """
+    """Return the paper's M (m, 3), world: L = G + r×mv about the contact, γ×L for rubber (3.1)."""
     scene, columns = model.scene, model.sensor_columns
     centre = rows[:, columns["centre"]]
     linear = scene.ball.mass * rows[:, columns["velocity"]]
@@ -98,10 +98,7 @@ def _force_in_world(contact: Array) -> Array:
 
 
 def _friction_used(model: Model, contact: Array) -> Array:
-    """Return the used part (m,) of the friction cone, 1 on its surface, 0 in flight.
-
-    A pyramidal cone limits the sum of the components' sizes, an elliptic one their norm.
-    """
+    """Return the used part (m,) of the friction cone; a pyramidal cone limits a sum of sizes."""
     compiled = model.compiled
     # MuJoCo raises smaller coefficients to mjMINMU.
     slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
@@ -116,10 +113,7 @@ def _friction_used(model: Model, contact: Array) -> Array:
 
 
 def _sound(model: Model, rows: Array) -> Mask:
-    """Return whether each row (m,) is finite, with coordinates and velocities below DIVERGED.
-
-    Forces and momenta of a heavy ball may be larger.
-    """
+    """Return whether each row (m,) is finite, with state below DIVERGED; forces may exceed it."""
     # These two passes make no copy and suffice for most portions; a NaN fails both comparisons.
     if len(rows) and rows.min() > -DIVERGED and rows.max() < DIVERGED:
         return np.ones(len(rows), bool)
@@ -143,11 +137,7 @@ def _of_hinges(model: Model, rows: Array) -> Array:
 
 
 def _torque(rows: Array, columns: slice | None) -> Array:
-    """Return the torque (m,) of the parent on the child, along the hinge [N m].
-
-    It is the torque of the motor, or the load of a prescribed joint, whose site has its z along the
-    hinge. A passive hinge has no sensor for its torque.
-    """
+    """Return the motor's torque or the load of a prescribed joint (m,) [N m]; 0 if passive."""
     return np.zeros(len(rows)) if columns is None else rows[:, columns.stop - 1]
 
 
@@ -172,3 +162,32 @@ def own_faults(model: Model, rows: Array, readings: Readings) -> list[Sign]:
             if warnings[-1:, i].any()  # counters only grow
         ),
     ]
+
+
+def sensor_reader(model: Model) -> Callable[[mujoco.MjData], Any]:
+    """Return a function that reads a robot's sensors in a state, without computing the forces."""
+    from robotball.robot.loop import TrueReading  # few scenes need it
+
+    compiled, columns, count = model.compiled, model.sensor_columns, len(model.scene.hinges)
+    places = [
+        (hinge.index, *(columns[f"{hinge.name}_{kind}"].start for kind in ("angle", "rate")))
+        for hinge in model.hinges
+    ]
+
+    def sensed(data: mujoco.MjData) -> TrueReading:
+        mujoco.mj_kinematics(compiled, data)
+        mujoco.mj_comPos(compiled, data)
+        mujoco.mj_sensorPos(compiled, data)
+        mujoco.mj_comVel(compiled, data)
+        mujoco.mj_sensorVel(compiled, data)
+        # Plain floats: a lookup in an array takes as long as all the sensors.
+        values = data.sensordata.tolist()
+        angles, rates = [0.0] * count, [0.0] * count
+        for i, angle, rate in places:
+            angles[i], rates[i] = values[angle], values[rate]
+        attitude, turning = values[columns["attitude"]], values[columns["angular_velocity"]]
+        gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
+        point, *axes = map(np.array, (values[columns["centre"]][:2], gyro, attitude))
+        return TrueReading(axes[0], axes[1], angles, rates, point)
+
+    return sensed

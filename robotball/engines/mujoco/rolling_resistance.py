@@ -96,10 +96,7 @@ class Resistance:
 
     @_overflowing
     def _longest(self, data: mujoco.MjData, length: float) -> float:
-        """Return a step's length [s], shorter near a standstill.
-
-        The direction of the rolling changes at a rate of the resistance over the speed.
-        """
+        """Return a step's length [s], shorter near a standstill, where the direction turns fast."""
         trials = _Trials(self, data)
         speed = trials.speed
         if speed <= _STANDING and self._holding(trials)[1]:
@@ -110,10 +107,7 @@ class Resistance:
         return 1 / max(1 / length, turning / _TURNED, slowing / _APPROACH)
 
     def _torque(self, trials: "_Trials") -> Array:
-        """Return the plane's torque (2,) [N m] against rolling, or the holding torque at rest.
-
-        Below _STANDING it changes continuously to the direction of the holding torque.
-        """
+        """Return the torque (2,) [N m] against rolling; near rest, the holding torque."""
         along, speed = trials.rolling, trials.speed
         if speed <= _STANDING:
             holding, holds = self._holding(trials)
@@ -152,10 +146,7 @@ class Resistance:
 
 
 class _Trials:
-    """Trials of torques at one state.
-
-    rolling, speed: the shell's horizontal angular velocity (2,) and its size [rad/s].
-    """
+    """Trials of torques at one state; rolling (2,), speed: of the shell, horizontal [rad/s]."""
 
     def __init__(self, resistance: Resistance, data: mujoco.MjData, sensors: bool = False) -> None:
         compiled, self.data, self.shell = data.model, data, resistance.shell

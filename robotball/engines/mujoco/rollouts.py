@@ -99,21 +99,9 @@ class _Started(NamedTuple):
 class _Together:
     """Steps runs of a model from several starts, each in one of several threads.
 
-    Attributes
-    ----------
-    size : int
-        The number of started runs.
-    groups : list of (float, int)
-        The length [s] and number of consecutive equal steps. The last group has one more step,
-        because sensors show the state before a step.
-    shape : (int, int)
-        The shape of the rows of a run.
-    steps_alone : bool
-        True if a run consists of long groups of MuJoCo's steps.
-    trial : MjData
-        For trials of starts.
-    idle : SimpleQueue of MjData
-        The data that no thread uses, each with an MjModel.
+    size: number of started runs; groups: length [s] and number of equal steps, one more in the last
+    because sensors show the state before a step; shape: of a run's rows; steps_alone: whether a run
+    is nothing but long groups of steps; idle: unused data, each with an MjModel.
     """
 
     def __init__(self, model: Model, times: Array) -> None:
@@ -134,11 +122,7 @@ class _Together:
             self.idle.put(mujoco.MjData(copy(compiled)))
 
     def started(self, scene: Scene) -> _Started | None:
-        """Return the run of a scene with another start; None if other hinges turn.
-
-        It starts like a built model, in a hundredth of the time. The model keeps its text and
-        MjModel.
-        """
+        """Return the run of a scene with another start; None if other hinges turn."""
         model, settings = self.model.of(scene), self.model.settings
         if [h.index for h in model.hinges] != [h.index for h in self.model.hinges]:
             return None

@@ -23,14 +23,10 @@ from robotball.rotations import Array
 def limit_checks(plan: PlannedRun) -> dict[str, LimitCheck]:
     """Return the predictions of all laws that apply to a run, by the name of the law."""
     laws = [*limits.LAWS]
-    if not plan.plain_robot:
-        from robotball.engines.mujoco import robot_limits
+    if not plan.plain:
+        from robotball.engines.mujoco import special_limits
 
-        laws += robot_limits.LAWS
-    if not plan.plain_contact:
-        from robotball.engines.mujoco import contact_limits
-
-        laws += contact_limits.LAWS
+        laws += special_limits.LAWS
     # Extreme settings overflow here, and an infinite value exceeds its limit.
     with np.errstate(all="ignore"):
         checks = {law.__name__: law(plan) for law in laws}
@@ -71,7 +67,7 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     """
     plan = PlannedRun(scene, settings, float(times[-1]))
     if settings.adaptive and settings.timestep is None:
-        from robotball.engines.mujoco.robot_limits import settling
+        from robotball.engines.mujoco.special_limits import settling
 
         least = settling(plan)
         if least is not None and least.value > settings.max_steps:

@@ -4,7 +4,7 @@ The contact carries the ball at a depth that depends on its load. Under a consta
 the start stays right, however soft the contact, and the recipe is CONSTANT. Under a varying load
 the centre moves, and the lever arm with it. A centre of mass off the sphere's centre also couples
 the normal force with friction, and three iterations of PGS no longer solve them; the recipe is
-VARYING. `for_load` chooses between the two. Open settings are MuJoCo's defaults.
+VARYING. `Resolved` chooses between the two. Open settings are MuJoCo's defaults.
 """
 
 from collections.abc import Mapping
@@ -30,29 +30,11 @@ _EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 
 @dataclass(frozen=True)
 class _Integrator:
-    """An integrator with its order and its limits of stability.
+    """An integrator of MuJoCo, or scipy's if not `own`, with its limits of stability.
 
-    A limit is the largest stable value of a rate times the timestep, or None. limits.py has the
-    measurements.
-
-    Attributes
-    ----------
-    name : str
-        Its name in MJCF.
-    order : int
-        The order of its error in the timestep, for a smooth motion.
-    rotation_limit : float or None
-        The limit for the rate of a rotation.
-    friction_limit : float or None
-        The limit for the rate at which slip dies out.
-    servo_limit : float or None
-        The limit for a velocity servo's gain over its inertia.
-    momentum_loss : (int, float) or None
-        (p, f): a step with the rotation θ loses or gains the part f θᵖ of |M|.
-    marker, size : str and float
-        The marker in plots. Markers of different sizes show through each other.
-    own : bool
-        True for MuJoCo's integrators, False for scipy's, which drives MuJoCo's forward dynamics.
+    A limit is the largest stable rate times timestep, of a rotation, of the decay of slip, or of a
+    servo's gain over inertia; limits.py has the measurements. momentum_loss (p, f): a step with the
+    rotation θ changes |M| by the part f θᵖ. marker, size: in plots.
     """
 
     name: str
@@ -92,14 +74,8 @@ def _one_of(*names: str) -> Meta:
 
 # Types of the fields. msgspec checks their bounds, and error messages quote their descriptions.
 # With LARGEST as bound no product of a few of them overflows.
-_Positive = Annotated[
-    float,
-    Meta(
-        ge=1 / LARGEST,
-        le=LARGEST,
-        description=f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}",
-    ),
-]
+_FROM_TO = f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"
+_Positive = Annotated[float, Meta(ge=1 / LARGEST, le=LARGEST, description=_FROM_TO)]
 _NotNegative = Annotated[
     float, Meta(ge=0, le=LARGEST, description=f"finite and not negative, {LARGEST:g} at most")
 ]
@@ -114,14 +90,10 @@ _Reference = Annotated[
     Meta(description="two finite numbers: a positive time constant and ratio, or neither positive"),
 ]
 _Inside = Annotated[float, Meta(gt=0, lt=1)]
+_Width = Annotated[float, Meta(gt=0, le=LARGEST)]
+_Power = Annotated[float, Meta(ge=1, le=LARGEST)]
 _Impedance = Annotated[
-    tuple[
-        _Inside,
-        _Inside,
-        Annotated[float, Meta(gt=0, le=LARGEST)],
-        _Inside,
-        Annotated[float, Meta(ge=1, le=LARGEST)],
-    ],
+    tuple[_Inside, _Inside, _Width, _Inside, _Power],
     Meta(
         description="dmin, dmax, width, midpoint, power: the first two and the midpoint between 0 "
         "and 1, the width positive, the power 1 at least"
@@ -491,7 +463,7 @@ _BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 _ON_MOVING_PLANE = (-1e6, -2e3)
 
 
-def for_load(settings: Settings, scene: Scene) -> Settings:
+def _for_load(settings: Settings, scene: Scene) -> Settings:
     """Return the settings with the recipe's value for each one that is _BY_LOAD.
 
     The recipe is CONSTANT if the scene's normal force is constant, else VARYING with the softness
@@ -532,7 +504,7 @@ class Resolved:
     settings: Settings
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "settings", for_load(self.settings, self.scene))
+        object.__setattr__(self, "settings", _for_load(self.settings, self.scene))
 
     @property
     def integrator(self) -> _Integrator:

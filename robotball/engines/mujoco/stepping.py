@@ -27,7 +27,7 @@ def controlled(model: Model) -> Iterator[Control]:
         stack.enter_context(mujoco_silent())
         # Crossing a limit costs first-order and adaptive steps no accuracy.
         if model.has_torque_limits and integrator.own and integrator.order > 1:
-            from robotball.engines.mujoco.torque_limits import at_limits
+            from robotball.engines.mujoco.parts import at_limits
 
             control.steps = stack.enter_context(at_limits(control))
         if model.scene.friction.rolling:

@@ -140,12 +140,12 @@ class UserModel:
         return self.points(in_plane), obstacle
 
     def _obstacle(self, data: mujoco.MjData, deadline: float) -> Obstacle | None:
-        words = "the run takes too long" if time.process_time() > deadline else ""
+        message = "the run takes too long" if time.process_time() > deadline else ""
         if data.ncon > 1:  # more than the contact of sphere and plane
             contacts = (contact for _, contact in _others(self.robot, data))
             real = (self.robot.real_contact(data, contact, late=True) for contact in contacts)
-            words = next(filter(None, real), words)
-        return Obstacle(float(data.time), words) if words else None
+            message = next(filter(None, real), message)
+        return Obstacle(float(data.time), message) if message else None
 
     def points(self, centres: Array) -> Array:
         """Return contact points and heights (n, 3) from centres of the sphere in plane axes."""
@@ -224,14 +224,14 @@ def observed(
         guess = data.qacc_warmstart.copy()
         mujoco.mj_forward(model, data)
         data.qacc_warmstart[:] = guess
-        rows.append(row_of(robot, data))
+        rows.append(_row_of(robot, data))
         overlapping = set()
         for pair, contact in _others(robot, data):
-            words = "" if pair in inside else robot.real_contact(data, contact, late=i > 0)
-            if not words:
+            message = "" if pair in inside else robot.real_contact(data, contact, late=i > 0)
+            if not message:
                 overlapping.add(pair)
             elif i and obstacle is None:
-                obstacle = Obstacle(float(data.time), words)
+                obstacle = Obstacle(float(data.time), message)
         inside.update(overlapping)
         user.step(data, every)
         if i % max(1, _CLOCK_STEPS // every) == 0:
@@ -241,9 +241,9 @@ def observed(
     diverged = None if _sound(data) else float(data.time)
     seconds = time.process_time() - began
     settings = EngineSettings(name=name, error_tolerance=tolerance, stop_at_fault=False)
-    table = table_of(user, data, rows)
+    table = _table_of(user, data, rows)
     recording = Recording(LABEL, scene, settings, table.time)
-    recording.add(readings_of(user, scene, table))
+    recording.add(_readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
     path = user.points(table.centre)
     exerted, declared = np.nansum(table.resistance, axis=0)
@@ -294,10 +294,9 @@ def wrenches(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[mujoco.MjC
 
 
 class _State(NamedTuple):
-    """A state, or the states of a run, a row each. Contact values are NaN without contact.
+    """A state in world axes, or a run's states in plane axes; contact values may be NaN.
 
-    The sphere's values are in world axes for a state, and in plane axes for a run. resistance (2,):
-    the exerted and the declared rolling resistance [N m]. The last six are copies from MjData.
+    resistance (2,): exerted and declared rolling resistance [N m].
     """
 
     time: Any
@@ -317,7 +316,7 @@ class _State(NamedTuple):
     speed: Array
 
 
-def row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
+def _row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
     """Return a copy of a state's values; they are evaluated together after the run."""
     force, depth, friction, resistance = np.full(3, np.nan), np.nan, np.nan, np.full(2, np.nan)
     for contact, wrench in wrenches(robot, data):
@@ -331,7 +330,7 @@ def row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
     return _State(*map(np.copy, (data.time, *sphere, force, depth, friction, resistance, *rest)))
 
 
-def table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _State:
+def _table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _State:
     """Return the states of a run; data: any state of it, for the plane, which does not move."""
     robot, table = user.robot, _State(*map(np.array, zip(*rows, strict=True)))
     to_plane = robot.plane_axes(data)
@@ -346,7 +345,7 @@ def table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _S
     )
 
 
-def readings_of(user: UserModel, scene: Scene, table: _State) -> Readings:
+def _readings_of(user: UserModel, scene: Scene, table: _State) -> Readings:
     """Return the readings of the states of a run."""
     centre, turning, depth = table.centre, table.angular_velocity, table.depth
     attitude = from_matrix(table.axes)  # all in one call: SciPy takes 0.1 ms a call

@@ -8,12 +8,12 @@ import pytest
 import robotball as rb
 from robotball.engines.states import (
     UNKNOWN_FORCE,
+    _state_of_rows,
     force_on_ball,
     links_of,
     principal_inertia,
     readings_of,
     start_state,
-    state_of_rows,
 )
 from robotball.rotations import rotation_matrix
 from tests.random_robots import random_tree
@@ -50,7 +50,7 @@ def test_rows_and_states_convert_into_each_other() -> None:
     row = start_state(scene).row
     rows = np.array([row, row + 0.1, row])
     rows[1, 6:10] = row[6:10]
-    again = state_of_rows(rows)
+    again = _state_of_rows(rows)
     for one, many in zip(astuple(start_state(scene)), astuple(again), strict=True):
         assert np.array_equal(many[0], one)
     assert np.array_equal(again.row, rows)

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import toolbox
-from robotball.fit.scene_numbers import numbers_of
-from robotball.user_model.robot_numbers import robot_numbers
 from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.robotball.fit.test_fitting import NOISE, log, off
@@ -112,17 +109,6 @@ def test_numbers_of_a_robot_file_have_its_names(robotball: Robotball, tmp_path: 
     status, _, err = robotball("fit", ROBOT, "run.csv", "--free", "plate.maas")
     assert status == 2
     assert unnamed("'plate.maas' plate.geom.mass", err) == []
-
-
-def test_without_the_toolbox_only_the_equations_are_fitted(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A line says how to install it."""
-    robot = robot_numbers(ROBOT)
-    monkeypatch.delattr(toolbox.sysid, "optimize", raising=False)
-    assert [*fitting.as_it_is(robot)] == []
-    assert "`sysid`" in capsys.readouterr().out
-    assert [*fitting.as_it_is(numbers_of("pendulum_robot"))] == []
 
 
 def test_residuals_of_the_position_suggest_fitting_the_world_frame() -> None:

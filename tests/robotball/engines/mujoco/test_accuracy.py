@@ -13,7 +13,6 @@ import robotball as rb
 from robotball.engines.engine import as_own
 from robotball.engines.mujoco import LABEL, accuracy
 from robotball.engines.mujoco.accuracy import reach, scene_rate
-from robotball.engines.mujoco.mujoco_engine import LEAST_ACCURACY
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
 from tests.messages import naming
@@ -190,9 +189,11 @@ def test_the_least_accuracy_is_reached_near_an_unstable_motion() -> None:
     """fig10 amplifies rounding: its path error never falls below 5e-12."""
     with pytest.warns(rb.SceneWarning, match="outside the shell"):
         scene = rb.load_scene("fig10")
-    pair = reached_by(scene, LEAST_ACCURACY)
+    least = rb.engine_named("mujoco").least_accuracy
+    assert least is not None
+    pair = reached_by(scene, least)
     assert pair.agrees
-    assert pair.path_error < LEAST_ACCURACY  # measured 7.2e-12, estimated 5.0e-12
+    assert pair.path_error < least  # measured 7.2e-12, estimated 5.0e-12
 
 
 def test_the_error_of_a_chaotic_motion_is_estimated_correctly() -> None:

@@ -10,7 +10,7 @@ import robotball as rb
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.rolling_resistance import Resistance
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import for_load
+from robotball.engines.mujoco.settings import Resolved
 from robotball.robot.ball import Ball, Frame, Hinge, Shell, shell_inertia
 from robotball.robot.scene import Friction
 from tests.messages import naming
@@ -121,7 +121,7 @@ def test_motors_that_start_a_robot_from_rest_cause_no_fault() -> None:
 
 def test_a_varying_load_needs_a_hard_contact_and_an_exact_solver() -> None:
     """W5 at 1 ms without one or the other of them: measured 5.8e-7 and 3.1e-3."""
-    whole = replace(for_load(rb.preset("accurate"), worked("W5")), stop_at_fault=False)
+    whole = replace(Resolved(worked("W5"), rb.preset("accurate")).settings, stop_at_fault=False)
     for wrong in ({"softness": 1.0}, {"solver": "PGS", "iterations": 3}):
         pair = pair_of(worked("W5"), replace(whole, **wrong), rb.sample_times(2.0))
         assert pair.path_error > 1e-7
@@ -171,7 +171,7 @@ def test_a_robot_at_rest_keeps_its_contact() -> None:
     balanced = rb.preset("balanced")
     assert crept(0.37, 0.1, balanced) < 0.15
     assert crept(0.12, 0.5, rb.preset("adaptive")) < 0.9
-    hard = replace(for_load(balanced, worked("W2")), softness=1e-5, solref=(0.04, 1.0))
+    hard = replace(Resolved(worked("W2"), balanced).settings, softness=1e-5, solref=(0.04, 1.0))
     assert crept(0.1, 1.0, hard) > 1e5
 
 

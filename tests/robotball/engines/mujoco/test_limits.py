@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import contact_limits, limits, robot_limits
+from robotball.engines.mujoco import limits, special_limits
 from robotball.engines.mujoco.limits import LimitCheck, PlannedRun
 from robotball.engines.mujoco.linearised import linearised_start, momentum_loss
 from robotball.engines.mujoco.model import build
@@ -32,7 +32,7 @@ FIG12, REGULAR = rb.load_scene("fig12"), rb.load_scene("classical_regular")
 ROUTH = rb.load_scene("routh_sphere")
 FAST = replace(rb.preset("fast"), stop_at_fault=False)
 BY_ERROR: dict[str, Any] = {"timestep": None, "integrator": "DOP853"}
-LAWS = (*limits.LAWS, *robot_limits.LAWS, *contact_limits.LAWS)
+LAWS = (*limits.LAWS, *special_limits.LAWS)
 Predict = Callable[[PlannedRun], LimitCheck | None]
 # `crept`: mean slip over mean speed; `sped`: slip after the first step over the speed of M.
 MEASURES: dict[str, Callable[[Pair], float]] = {
@@ -108,13 +108,13 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] 
     "spinning": (limits.torsional_friction, FIG12, {**SLOW, "torsional_friction": [1.819, 1.713]},
         0.01, "cone", 0.995, 0.999999),  # 0.987, 1
     # At 50 Hz each step samples a crest.
-    "a drive within a step": (robot_limits.drive_seen, [swung(7.0), swung(50.0)], {}, 1.0,
+    "a drive within a step": (special_limits.drive_seen, [swung(7.0), swung(50.0)], {}, 1.0,
         "path", 2e-4, 0.01),  # 6.0e-5, 0.33
-    "no torsional row": (contact_limits.contact_dimension, FIG12, {"condim": [4, 3]},
+    "no torsional row": (special_limits.contact_dimension, FIG12, {"condim": [4, 3]},
         2.0, "path", 7e-7, 0.3),  # 2.2e-7, 0.79
     "rotation": (limits.rotation, ROTORS, {"timestep": [2.2 / TURN, 3.0 / TURN], **STICKY},
         120 / TURN, "path", 0.7, np.inf),  # 0.23, gone
-    "a low weight's swing": (robot_limits.low_weight,
+    "a low weight's swing": (special_limits.low_weight,
         [low_weight(10.0, 0.15), low_weight(50.0, 0.19)],
         {**DAMPED, "error_tolerance": 5e-6}, 2.0, "path", 2e-7, 1e-3),  # 6.2e-8, 1.4e-3
     "damped slip, RK4": (limits.friction_damping, FIG12,
@@ -129,12 +129,12 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] 
     "the contact's spring, Euler": (limits.contact_spring, FIG12,
         {**FALLING, "integrator": "Euler", "solref": [(-100.0, -380.0), (-100.0, -420.0)]},
         2.0, "path", 0.1, 0.4),  # 0.068, 1.2
-    "servo, RK4, classical": (robot_limits.servo_gain, REGULAR,
+    "servo, RK4, classical": (special_limits.servo_gain, REGULAR,
         {**SLOW, "drive": [Servo(29.5), Servo(31.7)]}, 1.0, "path", 0.2, np.inf),  # 0.026, gone
-    "servo, Euler": (robot_limits.servo_gain, FIG12,
+    "servo, Euler": (special_limits.servo_gain, FIG12,
         {**SLOW, "integrator": "Euler", "drive": [Servo(21.7), Servo(23.4)]},
         1.0, "path", 0.2, np.inf),  # 0.12, gone
-    "actuator, of a robot": (robot_limits.servo_gain, [geared(1.746), geared(1.876)], {},
+    "actuator, of a robot": (special_limits.servo_gain, [geared(1.746), geared(1.876)], {},
         3.0, "path", 4e-5, 0.1),  # 1.3e-5, 0.48
     "noslip of a heavy ball, rubber": (limits.friction_block, heavy(FIG12, 1e6, 3e6), {},
         1.0, "path", 5e-7, 0.35),  # 1.6e-7, 1.1
@@ -193,29 +193,29 @@ SIZES: dict[str, tuple[Predict, rb.Scene, dict[str, Any], float, str, float]] = 
         2.0, "momentum", 0.482),
     "M by RK4": (limits.momentum_lost, FIG12, {}, 2.0, "momentum", 0.788),
     # (r dt)⁶ in ten seconds
-    "a low weight's path": (robot_limits.low_weight, low_weight(20.0, 0.17), DAMPED,
+    "a low weight's path": (special_limits.low_weight, low_weight(20.0, 0.17), DAMPED,
         2.0, "path", 1.05),
-    "M by DOP853": (robot_limits.errors_added, FIG12, {**BY_ERROR, "rtol": 1e-10},
+    "M by DOP853": (special_limits.errors_added, FIG12, {**BY_ERROR, "rtol": 1e-10},
         10.0, "momentum", 0.0288),
     # μ m g T/|M|
-    "rolling friction": (contact_limits.drag, FIG12, {"condim": 6, "rolling_friction": 1e-3},
+    "rolling friction": (special_limits.drag, FIG12, {"condim": 6, "rolling_friction": 1e-3},
         2.0, "path", 1.74),
-    "torsional friction": (contact_limits.drag, REGULAR, {"condim": 4, "torsional_friction": 1e-2},
+    "torsional friction": (special_limits.drag, REGULAR, {"condim": 4, "torsional_friction": 1e-2},
         2.0, "path", 0.247),
     # |a (ω×Ω)×γ|/(b v)
-    "frame as root": (contact_limits.frame_as_root, FIG12,
+    "frame as root": (special_limits.frame_as_root, FIG12,
         {**DAMPED, "root": "frame", "solreffriction": (-1.0, -2.0)}, 2.0, "crept", 0.622),
     # (1 - d)/d of the load over impratio; times μ² for a pyramidal cone
-    "creep, elliptic": (contact_limits.creep, FIG12,
+    "creep, elliptic": (special_limits.creep, FIG12,
         {**SOFT, "cone": "elliptic", "impratio": 3.0, "solimp": impedance(0.6)},
         1.0, "crept", 0.981),
-    "creep, pyramidal": (contact_limits.creep, FIG12,
+    "creep, pyramidal": (special_limits.creep, FIG12,
         {**SOFT, "cone": "pyramidal", "solimp": impedance(0.9999)}, 1.0, "crept", 0.989),
     # τ/kv of the rate
-    "droop": (robot_limits.servo_droop, FIG12,
+    "droop": (special_limits.servo_droop, FIG12,
         {**FINE, "integrator": "implicitfast", "drive": Servo(100.0)}, 0.1, "rate", 0.988),
     # half of the free acceleration of the contact point times the timestep
-    "first step": (contact_limits.first_step, FIG12, FALLING, 0.25, "sped", 0.546),
+    "first step": (special_limits.first_step, FIG12, FALLING, 0.25, "sped", 0.546),
 }  # fmt: skip
 
 
@@ -233,7 +233,7 @@ def test_a_barely_damped_slip_grows_linearly_in_time() -> None:
     values = []
     for damping in (1e-3, 1e-5, 0.0):
         settings = replace(FAST, root="frame", solreffriction=(-1.0, -damping))
-        values.append(limit_of(contact_limits.frame_as_root, FIG12, settings, 0.5).value)
+        values.append(limit_of(special_limits.frame_as_root, FIG12, settings, 0.5).value)
     assert values == pytest.approx([values[0]] * 3, rel=1e-3)
 
 
@@ -275,7 +275,7 @@ def test_a_predicted_rate_error_includes_loads_after_a_ramp(shape: Any) -> None:
 def test_settings_without_a_limit_stay_sound_far_beyond_it() -> None:
     """`implicit` treats the servo gain implicitly; the Newton solver skips no friction block."""
     settings = replace(FAST, timestep=2e-3, integrator="implicit", drive=Servo(20 * 30.0))
-    assert robot_limits.servo_gain(PlannedRun(FIG12, settings, 1.0)) is None
+    assert special_limits.servo_gain(PlannedRun(FIG12, settings, 1.0)) is None
     assert (
         measured("path", FIG12, settings, 1.0) < 0.2
     )  # measured 0.072: error of the first-order steps
@@ -334,7 +334,7 @@ def test_a_ball_that_starts_at_zero_depth_sinks_to_the_predicted_depth() -> None
     assert depth == pytest.approx(PlannedRun(FIG12, settings, 2.0).equilibrium_depth, rel=1e-3)
     for constant, beyond in ((0.03, False), (0.04, True)):
         soft = replace(settings, solref=(constant, 1.0))
-        assert limit_of(contact_limits.start_depth, FIG12, soft, 2.0).exceeded == beyond
+        assert limit_of(special_limits.start_depth, FIG12, soft, 2.0).exceeded == beyond
 
 
 def test_the_torsional_friction_of_the_recipe_scales_with_the_radius() -> None:
@@ -408,11 +408,11 @@ def test_the_advised_timestep_resolves_the_drive(frequency: float, preset: str) 
         rb.simulate(scene, times, settings=settings, strict=True)
     (advised,) = re.findall(r"step below (\S+) s", str(error.value))
     finer = replace(settings, timestep=0.94 * float(advised), stop_at_fault=False)
-    limit = limit_of(robot_limits.drive_seen, scene, finer, 0.5)
+    limit = limit_of(special_limits.drive_seen, scene, finer, 0.5)
     assert not limit.exceeded
     # Measured 0.7 and 0.6.
     assert 0.2 < pair_of(scene, finer, times).path_error / limit.value < 2.0
-    assert robot_limits.drive_seen(PlannedRun(scene, rb.preset("adaptive"), 0.5)) is None
+    assert special_limits.drive_seen(PlannedRun(scene, rb.preset("adaptive"), 0.5)) is None
 
 
 def test_the_search_for_a_timestep_shortens_it_by_at_least_a_tenth() -> None:

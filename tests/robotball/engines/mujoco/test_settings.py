@@ -20,7 +20,6 @@ from robotball.engines.mujoco.settings import (
     Prescribed,
     Radii,
     Resolved,
-    for_load,
     settings_from,
 )
 from robotball.robot.motors import Servo
@@ -60,12 +59,12 @@ def test_open_fields_come_from_the_recipe_for_a_constant_or_a_varying_load() -> 
     """One recipe fills every open field of the settings."""
     inclined = replace(FIG12, gravity_direction=(np.sin(0.1), 0.0, -np.cos(0.1)))
     for scene in (FIG12, inclined):
-        assert for_load(BALANCED, scene) == replace(BALANCED, **CONSTANT)
+        assert Resolved(scene, BALANCED).settings == replace(BALANCED, **CONSTANT)
         assert Resolved(scene, BALANCED).settings == replace(BALANCED, **CONSTANT)
     harder: dict[str, Any] = {"softness": 3e-4, "solref": (0.01, 1.0)}
-    assert for_load(BALANCED, worked("W5")) == replace(BALANCED, **VARYING, **harder)
-    assert for_load(FAST, worked("W5")).solref == (0.04, 1.0)  # two timesteps
-    assert for_load(rb.preset("adaptive"), worked("W5")).solref == (0.004, 1.0)
+    assert Resolved(worked("W5"), BALANCED).settings == replace(BALANCED, **VARYING, **harder)
+    assert Resolved(worked("W5"), FAST).settings.solref == (0.04, 1.0)  # two timesteps
+    assert Resolved(worked("W5"), rb.preset("adaptive")).settings.solref == (0.004, 1.0)
 
 
 SET: list[dict[str, Any]] = [
@@ -78,16 +77,18 @@ SET: list[dict[str, Any]] = [
 def test_fields_set_by_the_user_override_the_recipe(scene: rb.Scene) -> None:
     """Even if the value is in the recipe that the scene does not use."""
     for user_values in SET:
-        chosen = for_load(replace(BALANCED, **user_values), scene)
+        chosen = Resolved(scene, replace(BALANCED, **user_values)).settings
         assert {name: getattr(chosen, name) for name in user_values} == user_values
-        assert for_load(chosen, worked("W5")) is chosen  # no open field: unchanged on another scene
+        assert (
+            Resolved(worked("W5"), chosen).settings is chosen
+        )  # no open field: unchanged on another scene
     ran = rb.simulate(scene, np.array([0.0, 0.01]), settings=chosen).report.settings
     assert ran == chosen
 
 
 def test_settings_survive_a_round_trip_through_json() -> None:
     """The record distinguishes radii from metres and a servo from an armature."""
-    whole = for_load(FAST, FIG12)
+    whole = Resolved(FIG12, FAST).settings
     assert whole.plain()["torsional_friction"] == {"radii": 20.0}
     for original in (FAST, whole, rb.preset("naive")):
         assert settings_from(json.loads(json.dumps(original.plain()))) == original

@@ -1,0 +1,284 @@
+"""Limits that only some runs have: laws as in `limits`, and the cost model of adaptive steps.
+
+First the laws of motors, changing drives, varying loads and adaptive steps, then the laws of
+contacts and starts that differ from the recipe's.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from robotball.engines.mujoco.limits import (
+    Law,
+    LimitCheck,
+    PlannedRun,
+    error_check,
+    inverse_inertia,
+)
+from robotball.motion import RATE_ERROR, path_unit
+from robotball.robot.drive_sampling import seeing_step
+from robotball.robot.motors import Servo
+
+_MEASURED = 10.0  # s, the motions on which `low_weight` was measured
+_STABLE = 6.3  # longest stable step of DOP853, times the rate at which the fastest motor settles
+_MANY_STEPS = 20_000  # adaptive steps, ten seconds of time at least
+_SHORT = 1e-4  # of 1/b: the series' first term replaces a difference that cancels
+
+
+@dataclass(frozen=True)
+class _CostModel:
+    """Error and cost by steps, fitted by bench.cost_model to the catalog and 30 random balls."""
+
+    # A path error goes at least with this power of the timestep and of rtol.
+    order: float = 3.8
+    rtol_order: float = 0.85
+    # DOP853's error over rtol, estimated from the change of its M, is
+    # gain * (RK4's error / (rate * timestep)^4)^power, within a factor of 3 for most scenes.
+    gain: float = 400.0
+    power: float = 0.64
+    # DOP853 takes density * rate * duration * (1e-11 / rtol)^growth steps.
+    density: float = 2.95
+    growth: float = 0.12
+    # Seconds: a step of RK4, a step of DOP853, a sample between its steps; and of controls that
+    # change in time, at each evaluation of the forces.
+    step: float = 17e-6
+    adaptive_step: float = 250e-6
+    sample: float = 27e-6
+    control: float = 8e-6
+
+    def steps_per_second(self, rate: float, rtol: float) -> float:
+        """Return the number of steps that DOP853 takes in a simulated second."""
+        return self.density * rate * (1e-11 / rtol) ** self.growth
+
+
+COST_MODEL = _CostModel()
+
+
+def low_weight(plan: PlannedRun) -> LimitCheck | None:
+    """Predict RK4's path error (r·dt)⁶ in 10 s, r the rate of a low weight at its lowest point.
+
+    There the inertia I about the contact is least; at an angle ψ it is I + a|S|ψ², with S = Σ m r.
+    With the energy E above rest, the ball turns at √(2E/I) through the angle √(I/a|S|) in which I
+    doubles, and a small swing has the rate √(g|S|/I): r² = |S|(g + 2aE/I)/I. All joints are held.
+    Measured 0.7 to 1.5 of (r dt)⁶ over ten seconds, from 2.5e-7 to 8.5e-3, on nine frames of 10 to
+    50 kg in a shell of 1 kg, and a fifth to 3 times it on random ones over 1 to 3 s.
+    """
+    scene = plan.scene
+    if plan.integrator.order != 4 or not scene.load_varies:
+        return None
+    start = scene.states_of(scene.angular_velocity_at(scene.start))
+    S, u, gamma = scene.ball.mass * start.centre_of_mass[0], start.u[:3, 0], start.gamma[:, 0]
+    if not (size := float(np.linalg.norm(S))):
+        return None
+    (angles, rates), still = scene.hinged, np.zeros((1, 3))
+    low = scene.robot.states(-S[None] / size, angles, still, 0 * rates).matrix[:3, :3, 0]
+    across = np.linalg.svd(S[None])[2][1:]
+    inertia = np.linalg.eigvalsh(across @ low @ across.T)[0]
+    energy = u @ start.matrix[:3, :3, 0] @ u / 2 + scene.gravity * (S @ gamma + size)
+    squared = size / inertia * (scene.gravity + 2 * scene.ball.radius * energy / inertia)
+    value = float((squared * plan.timestep**2) ** 3 * plan.duration / _MEASURED)
+    step = plan.timestep * (plan.tolerance / value) ** (1 / 6)
+    effect, remedy = "the swing of a low weight will put RK4's path off", "take a timestep below"
+    return error_check(value, plan.tolerance, effect, f"{remedy} {step:.2g} s")
+
+
+def errors_added(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the sum of the errors of DOP853's steps: rtol times their number.
+
+    Measured: M drifts by 0.005 to 0.2 of it on four scenes, from 1e-12 to 1e-6; from 1e-4 on the
+    contact may be lost as well.
+    """
+    rtol = plan.settings.rtol
+    if not plan.settings.adaptive or rtol is None:
+        return None
+    steps = plan.duration * COST_MODEL.steps_per_second(plan.rotation_rate, rtol)
+    value = rtol * max(steps, 1.0)
+    effect = "the errors of all steps may change M"
+    return error_check(value, plan.tolerance, effect, "take a smaller rtol")
+
+
+def settling(plan: PlannedRun) -> LimitCheck | None:
+    """Predict DOP853's steps of 6.3/λ at most, λ the rate at which a servo settles.
+
+    Longer steps are unstable, whatever their error.
+    """
+    fastest = plan.servo_rate
+    if not plan.settings.adaptive or not fastest:
+        return None
+    value = fastest * plan.duration / _STABLE
+    warning = (
+        f"the servos' rate needs {value:.4g} adaptive steps, and more than {_MANY_STEPS:.4g} take "
+        "minutes: take a lower gain or more armature, or prescribe the rate"
+    )
+    return LimitCheck(value, _MANY_STEPS, warning)
+
+
+def servo_gain(plan: PlannedRun) -> LimitCheck | None:
+    """Require kv·dt/j < 2.785 of RK4, 2 of Euler and discrete, kv/j a servo's gain over inertia.
+
+    The implicit integrators have no limit. A velocity servo is a damper, and j the inertia that it
+    feels with the ball rolling. kv/j is the plan's `servo_rate`, the size of a complex rate with
+    springs and position servos. Measured on both models: sound at 2.7 and diverged at 2.9 with RK4,
+    at 1.95 and 2.1 with Euler.
+    """
+    limit, fastest = plan.integrator.servo_limit, plan.servo_rate
+    if limit is None or not fastest:
+        return None
+    value = fastest * plan.timestep
+    warning = (
+        f"the servos' rates will grow: their gain times the timestep over their inertia is "
+        f"{value:.4g}, and {plan.integrator.name} is stable up to {limit:.4g}: take a lower gain "
+        "or a shorter timestep, or prescribe the rate"
+    )
+    return LimitCheck(value, limit, warning)
+
+
+def drive_seen(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the error of a drive's rate, of which a step sees begin, middle and end alone.
+
+    It is the error of the mean rate over a step: Simpson's, of fourth order, for slow drives, and
+    the size of the drive itself if its period is no longer than the step. The rates at the ends of
+    steps do not show it, because a drive whose period divides the timestep is a constant there.
+    Measured on fig12 with a sine in the frame's rate: path error 0.64 to 0.7 of it from 7 to 50 Hz,
+    1.0 of it at half the rate of the steps, and 0.6 to 1.9 of it if the period divides the
+    timestep.
+    """
+    if plan.settings.adaptive or plan.scene.steady:
+        return None
+    limit = min(plan.settings.error_tolerance, RATE_ERROR)
+    error_of = partial(plan.scene.sampling_error, plan.duration)
+    value, step = error_of(plan.timestep), seeing_step(error_of, plan.timestep, limit)
+    effect = "a drive changes within a step, which will put its rate off"
+    remedy = f"take a timestep below {step:.2g} s, or the adaptive preset"
+    return error_check(value, limit, effect, remedy)
+
+
+def servo_droop(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the error τ/kv of a velocity servo's rate under its load, relative to the rate.
+
+    Measured 0.75 to 0.99 of that, if it is small.
+    """
+    gain = plan.settings.drive.gain if isinstance(plan.settings.drive, Servo) else np.inf
+    # The error of the scene's own servo belongs to the motion.
+    servos = [hinge for hinge in plan.hinges if hinge.actuation is plan.settings.drive]
+    if gain == np.inf or not servos:
+        return None
+    torques = np.abs(plan.loads.motor_torques).max(axis=0)
+    value = float(max(torques[hinge.index] / gain / hinge.rate_scale for hinge in servos))
+    effect, remedy = "loads will change a servo's rate", "take a higher gain, or prescribe the rate"
+    return error_check(value, plan.settings.error_tolerance, effect, remedy)
+
+
+def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
+    """Require condim 4 for rubber, which has the torsional row; with 3 the ball is classical."""
+    if plan.scene.rolling != "rubber" or plan.settings.condim is None:
+        return None
+    warning = (
+        f"the ball will spin on the spot: condim is {plan.condim}, and rubber needs 4: leave "
+        "condim None"
+    )
+    return LimitCheck(plan.condim, 4, warning, least=True)
+
+
+def drag(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the part μ m g t of M that rolling and torsional friction take.
+
+    The rolling model has no such rows: rolling friction with condim 6 in both models, and torsional
+    friction in the classical one, which may spin. dM/dt = -μ m g at most, with the μ of the row
+    [m].
+    """
+    coefficient = plan.friction[2] if plan.condim >= 6 else 0.0
+    if plan.scene.rolling == "classical" and plan.condim >= 4:
+        coefficient += plan.friction[1]
+    if not coefficient:
+        return None
+    weight = plan.scene.ball.mass * plan.scene.gravity
+    value = coefficient * weight * plan.duration / plan.scene.momentum_scale
+    effect = "rolling or torsional friction, which the rolling model does not have, will reduce M"
+    return error_check(value, plan.settings.error_tolerance, effect, "leave condim None")
+
+
+def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the slip |a (ω×Ω)×γ|/(b v) over the speed, of a model whose root is the frame.
+
+    MuJoCo leaves the J̇v term out of its contact rows, which is a(ω×Ω)×γ if the shell hangs on a
+    hinge. Friction that reduces slip at the rate b leaves this slip. M stays constant, so it does
+    not show the slip. Measured 0.6 to 3.5 times the prediction, which is made from the numbers of
+    the start.
+    """
+    if plan.settings.root == "shell" or not plan.reduced:
+        return None
+    left_out = np.cross(plan.angular_velocity, plan.Omega)
+    acceleration = plan.scene.ball.radius * float(np.linalg.norm(np.cross(left_out, plan.axes[2])))
+    value = _slip(plan, acceleration)
+    effect = "with the frame as root the ball will slip off its path"
+    return error_check(value, plan.settings.error_tolerance, effect, 'take root="shell"')
+
+
+def creep(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the slip (1 - d)/d α/(b v) over the speed, by which soft friction carries its load.
+
+    The noslip solver removes it. A row of impedance d gives its force with a deviation of
+    (1 - d)/d of the acceleration α that the force makes: divided by impratio in an elliptic cone,
+    times μ² in a pyramidal one, whose edges lean that far. So b v = (1 - d)/d α. Measured within
+    3 % on fig12, and a sixth of it on classical_regular, whose force changes during the motion.
+    """
+    if plan.option("noslip_iterations") or not plan.reduced:
+        return None
+    softness = (1 - plan.impedance) / plan.impedance
+    if plan.option("cone") == "elliptic":
+        softness /= plan.option("impratio")
+    else:
+        softness *= plan.friction[0] ** 2
+    force = float(np.linalg.norm(plan.loads.contact_force[:, :2], axis=1).max())
+    value = _slip(plan, softness * force * inverse_inertia(plan)[0, 0])
+    effect = "soft friction will let the ball creep off its path"
+    remedy = "give noslip_iterations 1 with an elliptic cone, or solimp nearer to 1"
+    return error_check(value, plan.settings.error_tolerance, effect, remedy)
+
+
+def _slip(plan: PlannedRun, acceleration: float) -> float:
+    """Return slip over path under an acceleration α [m/s²] and damping b.
+
+    From rest dv/dt = α - b v has the mean α/b (1 - (1 - exp(-bT))/(bT)) over the time T.
+    """
+    b, T = plan.friction_damping, plan.duration
+    grown = 1 + np.expm1(-b * T) / (b * T) if b * T > _SHORT else b * T / 2
+    path = path_unit(plan.scene, T * float(np.linalg.norm(plan.rolling_velocity)))
+    return float(acceleration * (grown / b if b else T / 2) * T / path)
+
+
+def start_depth(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the lever arm's error g (1 - d)/(d² k) over the radius, of a start just touching.
+
+    Half of it is in the path. The contact carries the weight at the depth p = g (1 - d)/(d² k),
+    into which the ball falls. A start in equilibrium has this depth as the margin of the pair, and
+    the lever arm is a.
+    """
+    if plan.settings.start_in_equilibrium:
+        return None
+    value, limit = plan.equilibrium_depth / plan.scene.ball.radius, plan.settings.error_tolerance
+    effect = "the ball will fall into the contact, relative to its radius,"
+    return error_check(value, 2 * limit, effect, "set start_in_equilibrium")
+
+
+def first_step(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the slip α dt over the speed of M, which a start just touching begins with.
+
+    MuJoCo finds no contact at depth zero, so for one step the contact point has the acceleration
+    that friction should have taken from it, and slip dies out slowly. Measured 0.38 to 0.56 of it
+    on six scenes, in proportion to dt.
+    """
+    if plan.settings.start_in_equilibrium or not plan.reduced or not np.isfinite(plan.timestep):
+        return None
+    force = float(np.linalg.norm(plan.loads.contact_force[0, :2]))
+    slip = force * float(inverse_inertia(plan)[0, 0]) * plan.timestep
+    value = slip / (plan.scene.momentum_scale * plan.scene.ball.radius / plan.scene.ball.d)
+    effect = "the first step finds no contact, so the ball will slip, relative to its speed,"
+    return error_check(value, plan.settings.error_tolerance, effect, "set start_in_equilibrium")
+
+
+_OF_ROBOTS = (low_weight, errors_added, settling, servo_gain, drive_seen, servo_droop)
+_OF_CONTACTS = (contact_dimension, drag, frame_as_root, creep, start_depth, first_step)
+LAWS: tuple[Law, ...] = _OF_ROBOTS + _OF_CONTACTS

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from cyclopts import Parameter, Token
 from cyclopts.exceptions import CoercionError
@@ -76,7 +76,6 @@ _CONTROL = (
     "value. It replaces the control in the file. Give it once for each actuator."
 )
 _THREADS = "Cores to use. Default: all that are available. The results do not depend on it."
-_CLUSTER = "Scheduler of a dask cluster to run on instead of this machine."
 _PLACE = "Folder of the engines' environments. Default: that of 'robotball engines --install'."
 
 SceneName = Annotated[str, Parameter(help=_SCENE)]
@@ -93,7 +92,6 @@ Steps = Annotated[tuple[float, ...], Parameter(converter=_numbers, metavar="SECO
 Controls = Annotated[tuple[str, ...], Parameter(help=_CONTROL, metavar="NAME=VALUE|FILE")]
 Threads = Annotated[int | None, Parameter(help=_THREADS), _COUNT]
 Seed = Annotated[int, Parameter(help="Seed of the random starts."), _COUNT]
-Cluster = Annotated[str | None, Parameter(help=_CLUSTER, metavar="tcp://HOST:PORT")]
 Environments = Annotated[Path | None, Parameter(help=_PLACE, metavar="DIR")]
 _FLAT = Parameter(name="*")
 
@@ -104,7 +102,6 @@ class Sweep:
 
     workers: Annotated[int | None, _COUNT] = None
     """Number of processes. Default: one for each core."""
-    cluster: Cluster = None
     quick: bool = False
     """Run a coarse form of the study, in under a minute."""
     out: Annotated[Path, Parameter(metavar="DIR")] = OUT
@@ -123,11 +120,9 @@ class Sweep:
         from .sweeps import sweep
 
         writable_folder(self.out)
-        place: Any = {"workers": self.workers, "cluster": self.cluster}
+        file = self.out / f"{journal}.jsonl"
         with progress_bar(len(cells)) as show:
-            return sweep(
-                work, cells, self.out / f"{journal}.jsonl", limit=limit, show=show, **place
-            )
+            return sweep(work, cells, file, workers=self.workers, limit=limit, show=show)
 
     def present(self, study: Study, *words: str) -> int:
         """Write a study's picture, data and table, and print it; return the exit status.

@@ -1,6 +1,6 @@
 """Errors of a contact engine's runs from many random starts of a scene."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball import Engine, EngineSettings, Scene, Start, integrate, sample_times, simulate_many
+from robotball import (
+    Engine,
+    EngineSettings,
+    Request,
+    Scene,
+    Start,
+    integrate,
+    sample_times,
+    simulate_many,
+)
 from robotball.engines.engine import DEFAULT
 from robotball.engines.equations import scene_of
 from robotball.engines.many_motions import FromStarts, of_each
@@ -20,16 +29,12 @@ from robotball.rotations import Array
 from robotball.theory.reduced import motion_of
 
 from .agreement import Agreement
-from .options import Run
 from .output import known, progress_bar, scientific
-from .results import controlled
 from .study import Row
-from .sweeps import Cell, sweep
 
 ERRORS = ("path_error", "gamma_error", "momentum_error")
 PERCENTILES = {"p5": 5, "p50": 50, "p95": 95, "worst": 100}
 _ABREAST = 256  # starts integrated at once with the compiled step
-_CELL = 64  # starts per cell on a cluster
 
 
 def random_start(scene: Scene, random: np.random.Generator) -> Start:
@@ -180,43 +185,22 @@ def _reference(times: Array, scene: Scene) -> Motion:
     return extended(integrate(scene, times), Motion)  # a ReferenceMotion cannot be pickled
 
 
-def of_cell(cell: Cell, progress: Progress | None = None) -> Mapping[str, Any]:
-    """Run a cell of `many_runs` and return its rows."""
-    scene = controlled(cell["scene"], cell.get("control", ()), cell.get("controller"))
-    first = cell["first"]
-    # Seeding each start by its number makes the starts independent of the cells.
-    seeds = ([cell["seed"], i] for i in range(first, first + cell["count"]))
-    starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]
-    options = Run(**{name: cell[name] for name in ("engine", "keep_going", "environments")})
-    of = options.request(cell["preset"])
-    more: Any = {"engine": of.engine, "device": cell["device"], "progress": progress}
-    found = compare_many(
-        scene, starts, sample_times(cell["duration"]), settings=of.settings, **more
-    )
-    return {"rows": found.rows}
+def random_runs(
+    scene: Scene,
+    count: int,
+    duration: float,
+    request: Request,
+    *,
+    seed: int = 0,
+    device: str | None = None,
+) -> ManyRuns:
+    """Compare runs of a scene from `count` random starts over a duration [s], with a progress bar.
 
-
-def many_runs(whole: Cell, count: int, cluster: str | None, out: Path) -> ManyRuns:
-    """Compare runs from `count` random starts, on this machine or on a dask cluster.
-
-    Parameters
-    ----------
-    whole : mapping
-        A cell of `of_cell` without `first` and `count`.
-    count : int
-        The number of starts.
-    cluster : str or None
-        The address of a dask scheduler.
-    out : Path
-        The folder for the journal of a cluster, with which an interrupted run continues.
+    A start depends on the seed and its number alone.
     """
-    # On this machine, `simulate_many` uses all cores itself.
-    size = _CELL if cluster else count
-    cells = [{**whole, "first": i, "count": min(size, count - i)} for i in range(0, count, size)]
-    with progress_bar(len(cells)) as show:
-        if not cluster:
-            return ManyRuns(of_cell(cells[0], lambda part: show(part, whole["scene"]))["rows"])
-        results = sweep(of_cell, cells, out / "starts.jsonl", cluster=cluster, show=show)
-    if failures := [result.failure for result in results if result.failure]:
-        raise InputError(failures[0])
-    return ManyRuns(tuple(row for result in results for row in (result.record or {})["rows"]))
+    seeds = ([seed, i] for i in range(count))
+    starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]
+    settings: Any = {"settings": request.settings, "engine": request.engine, "device": device}
+    with progress_bar(1) as show:
+        settings["progress"] = lambda part: show(part, scene.name)
+        return compare_many(scene, starts, sample_times(duration), **settings)

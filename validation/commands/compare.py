@@ -7,7 +7,7 @@ import sys
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -26,7 +26,6 @@ def compare(
     csv: options.CsvFile = None,
     starts: options.Count | None = None,
     seed: options.Seed = 0,
-    cluster: options.Cluster = None,
     device: Annotated[str | None, Parameter(metavar="cpu|cuda")] = None,
 ) -> int:
     """Run scenes with an engine and with the equations, and say how far apart they are.
@@ -45,7 +44,7 @@ def compare(
         Where an engine that steps many balls at once (newton, mjx, mujoco-warp) runs them.
     """
     if starts is not None:
-        return _many(scenes, run, starts, {"device": device, "seed": seed}, cluster, json, csv)
+        return _many(scenes, run, starts, device, seed, json, csv)
     from ..plots import prepare_drawing
 
     if plots:  # before the imports that take longest
@@ -60,8 +59,8 @@ def compare(
     from ..results import OWN_FILE, scenes_of, show, write_csv, write_json
 
     # An option without an effect is refused, lest its user rely on it.
-    if seed or cluster or device:
-        raise InputError("--seed, --cluster and --device are for random starts: give --starts")
+    if seed or device:
+        raise InputError("--seed and --device are for random starts: give --starts")
     if not scenes:
         raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
     requests = [partial(run.request, name) for name in run.presets]
@@ -106,35 +105,30 @@ def _many(
     names: tuple[str, ...],
     run: options.Run,
     starts: int,
-    same: dict[str, Any],
-    cluster: str | None,
+    device: str | None,
+    seed: int,
     json: Path | None,
     csv: Path | None,
 ) -> int:
     from robotball import InputError
     from robotball.errors import check_count
 
-    from ..random_starts import ERRORS, PERCENTILES, many_runs
-    from ..study import Column, Study, present, scene_cell, table_of
+    from ..random_starts import ERRORS, PERCENTILES, random_runs
+    from ..study import Column, Study, present, table_of
 
     rows, runs = [], {}
     check_count("starts", starts, 1)
-    check_count("seed", same["seed"], 0)
+    check_count("seed", seed, 0)
     if run.accuracy is not None or run.strict:
         raise InputError("random starts run with presets: leave out --accuracy and --strict")
-    folder = run.environments
-    same |= {"engine": run.engine, "keep_going": run.keep_going}
-    same |= {"environments": None if folder is None else str(folder.absolute())}
-    if run.controller is not None:
-        same["controller"] = str(Path(run.controller).absolute())
-    requested = [run.request(name).name for name in run.presets]
-    for name, preset in product(names, requested):
-        seconds = options.seconds_of(run.duration, quick=False, scene=run.scene(name))
-        cell = scene_cell(name, seconds, run.control) | same | {"preset": preset}
-        found = many_runs(cell, starts, cluster, run.out)
-        runs[f"{name}, {preset}"] = found.rows
+    requests = [run.request(name) for name in run.presets]
+    for name, request in product(names, requests):
+        scene = run.scene(name)
+        seconds = options.seconds_of(run.duration, quick=False, scene=scene)
+        found = random_runs(scene, starts, seconds, request, seed=seed, device=device)
+        runs[f"{name}, {request.name}"] = found.rows
         for error in ERRORS:
-            of = {"scene": name, "preset": preset, "error": error.replace("_", " ")}
+            of = {"scene": name, "preset": request.name, "error": error.replace("_", " ")}
             rows.append({**of, **found.summary(error)})
     columns = [
         *(Column(name, name, words=True) for name in ("scene", "preset", "error")),
@@ -143,7 +137,7 @@ def _many(
         Column("runs", "runs_per_second", "1/s", form=".0f"),
     ]
     table = table_of(columns, rows, lambda row: row["faulty"], "preset")
-    record = {"seed": same["seed"], "spread": rows, "runs": runs}
+    record = {"seed": seed, "spread": rows, "runs": runs}
     present(Study("", None, (), rows, record, [table]), run.out, json, csv)
     agree = all(each["agrees"] for some in runs.values() for each in some)
     return options.AGREES if agree else options.DISAGREES

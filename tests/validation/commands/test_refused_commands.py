@@ -87,7 +87,7 @@ REFUSED = {
     "dynamics branches wobbling_drive --of line --over K3=0:1": LATER,
     "dynamics branches beaver_ball --of cycle --over frequency=1:2": "beaver_ball turns period",
     # numbers
-    "compare fig12 --seed 1": "--seed --cluster --device --starts",
+    "compare fig12 --seed 1": "--seed --device --starts",
     "compare fig12 --starts 2 --device cuda": "MuJoCo device",
     "compare fig12 --starts 0": "starts 1 0",
     "compare fig12 --starts 2 --accuracy 1e-6": "starts presets --accuracy",

@@ -22,6 +22,7 @@ from robotball.engines.mujoco.settings import NAIVE, recipe
 from robotball.robot.motors import Servo
 from tests.conftest import Robotball
 from tests.messages import unnamed
+from tests.robotball.scene_files.scene_texts import PLATE
 from tests.validation.examples import example
 from validation.studies import timing
 from validation.studies.cost import (
@@ -41,6 +42,20 @@ from validation.sweeps import Result
 
 FIG12 = rb.load_scene("fig12")
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)
+
+
+def test_a_cell_depends_on_the_values_of_its_controls(tmp_path: Path) -> None:
+    """So a journal cannot mix results of two tables with the same name."""
+    robot, table = tmp_path / "mybot.xml", tmp_path / "fly.csv"
+    robot.write_text(PLATE)
+    cells = []
+    for end in (20, 30):
+        table.write_text(f"t,value\n0,0\n1,{end}\n")
+        cells.append(scene_cell(str(robot), 0.5, [f"fly={table}"]))
+    first, other = cells
+    assert first["control"] == [f"fly={table}"]
+    assert first | {"digest": other["digest"]} == other != first
+    assert "control" not in scene_cell("fig12", 0.5)
 
 
 def beats(a: tuple[int, int], b: tuple[int, int]) -> bool:

@@ -188,10 +188,8 @@ def chart(
     over: Annotated[str, Parameter(metavar="NAME=FROM:TO,…")],
     points: options.Count = 100,
     refine: options.Count = 1,
-    follow: bool = False,
     duration: options.Seconds = 4000.0,
     transient: options.Seconds = 2000.0,
-    preset: options.PresetName | None = None,
     sweep: options.SweepOptions = options.SWEEP,
 ) -> int:
     """Chart the largest exponent over two numbers of a ball, or the section over one number.
@@ -210,21 +208,14 @@ def chart(
         Points along an axis before refinement.
     refine
         How often the spacing is halved where neighbouring motions differ in kind.
-    follow
-        With one number: start each motion where the previous one ended, and do not refine.
     duration
         Time of each motion. Its later half gives the exponent.
     transient
         Time before that.
-    preset
-        Also run a dozen of the points with the engine.
     """
     from ..results import changed
     from ..studies.charts import chart_study
 
-    study = chart_study(scene, over, sweep, points, refine, follow, duration, transient, preset)
-    words = changed(
-        chart, over=over, points=points, refine=refine, follow=follow, duration=duration,
-        transient=transient, preset=preset,
-    )  # fmt: skip
-    return sweep.present(study, *words)
+    study = chart_study(scene, over, sweep, points, refine, duration, transient)
+    more = {"points": points, "refine": refine, "duration": duration, "transient": transient}
+    return sweep.present(study, *changed(chart, over=over, **more))

@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 from rich.table import Table
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
@@ -46,7 +46,6 @@ from .extreme_maps import (
     cell_run,
     cells_of,
 )
-from .maps import draw_cells, draw_level
 
 ACCURATE = 1e-4  # largest relative error of an accurate run; the recipe's coarsest step has 1e-6
 WRONG = 0.1  # relative error above which a run is wrong
@@ -430,11 +429,11 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
     xs, ys = (sorted({result.cell[key] for result in results}) for key in ("x", "y"))
-    # Cells come row by row, in the order of the axes.
-    shape, outcomes = (len(ys), len(xs)), [*map(_outcome_of, results)]
-    # Cells have equal sizes, although their values may be decades apart.
-    draw_cells(axes, range(len(xs)), range(len(ys)), [outcome.look for outcome in outcomes])
+    shape = len(ys), len(xs)
+    # Cells come row by row. They have equal sizes, although their values may be decades apart.
     for (j, i), result in zip(np.ndindex(shape), results, strict=True):
+        # An image cannot have hatches.
+        axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, **_outcome_of(result).look))
         for meaning in _marks(result):
             axes.add_line(_mark(meaning, i, j))
     numbers = [*map(_nearness, results)]
@@ -475,7 +474,8 @@ def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
     onward = (np.pad(nearness, 1, mode="reflect", reflect_type="odd") + edge) / 2
     grid = np.ma.masked_invalid(np.where(onward * edge > 0, onward, edge))
     rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
-    draw_level(axes, columns, rows, grid, colour, dashes=dashes, rim=3.2)
+    lines = axes.contour(columns, rows, grid, levels=[0.0], colors=[colour], linewidths=1.8)
+    lines.set(linestyle=dashes, path_effects=halo(3.2))
 
 
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:

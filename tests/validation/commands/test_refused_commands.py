@@ -20,13 +20,10 @@ MISTYPED = {
         "check,judge,dynamics section,dynamics exponents,dynamics basins,dynamics equilibria,"
         "dynamics branches",
     ),
-    "--preset": (
-        "--presett",
-        "compare,report,fit,video,view,steer,study convergence,dynamics chart",
-    ),
+    "--preset": ("--presett", "compare,report,fit,video,view,steer,study convergence"),
     "--keep-going": ("--keepgoing", "compare"),
     "--no-plots": ("--no-plot", "compare"),
-    "--out": ("--outt", "demo,design,study ablation,study cost,study extremes"),
+    "--out": ("--outt", "demo,design,study ablation,study cost,study extremes,dynamics chart"),
     "--duration": ("--durration", "engines,export"),
     "--help": ("--hlep", "scenes"),
 }
@@ -112,7 +109,6 @@ REFUSED = {
     "dynamics chart fig14 --over K=0:1,Omega": "NAME=FROM:TO 'Omega'",
     "dynamics chart fig14 --over K=2:2": "NAME=FROM:TO 'K=2:2'",
     "dynamics chart fig14 --over K=0:1,K=1:2": "two 'K=0:1,K=1:2'",
-    "dynamics chart fig14 --over K=0:1,Omega=0:1 --follow": "number --over",
     "dynamics chart fig14 --over c=0:2": "c~must~be~0 (3.1) 2 f",
     "dynamics chart classical_chaotic --over f=1:8 --quick": "(M,~γ) 3 M² 8",
     "dynamics chart chaplygin_ball --over Omega=0:1": "Omega~=~0",

@@ -46,13 +46,6 @@ def _listed(_: type, tokens: Sequence[Token]) -> tuple[str, ...]:
     return tuple(filter(None, names))
 
 
-def _numbers(kind: type, tokens: Sequence[Token]) -> tuple[float, ...]:
-    try:
-        return tuple(map(float, _listed(kind, tokens)))
-    except ValueError:
-        raise CoercionError(token=tokens[-1], target_type=float) from None
-
-
 def _check_file(_: type, path: Path | None) -> None:
     # A file may be called -, but "--json --csv" lacks the name of the first file.
     if str(path).startswith("--"):
@@ -88,7 +81,6 @@ CsvFile = Annotated[Path | None, _file("Also write the table as CSV")]
 PresetName = Literal["naive", "fast", "balanced", "accurate", "adaptive"]
 # An option takes one value, a list with commas, so that it never takes the scenes that follow.
 Names = Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="NAME,…")]
-Steps = Annotated[tuple[float, ...], Parameter(converter=_numbers, metavar="SECONDS,…")]
 Controls = Annotated[tuple[str, ...], Parameter(help=_CONTROL, metavar="NAME=VALUE|FILE")]
 Threads = Annotated[int | None, Parameter(help=_THREADS), _COUNT]
 Seed = Annotated[int, Parameter(help="Seed of the random starts."), _COUNT]

@@ -67,7 +67,6 @@ def judge(
     /,
     *files: Path,
     control: options.Controls = (),
-    timestep: options.Steps = (),
     tolerance: Annotated[float, Parameter(metavar="ERROR")] = options.TOLERANCE,
     json: options.JsonFile = None,
 ) -> int:
@@ -80,11 +79,7 @@ def judge(
     Parameters
     ----------
     files
-        CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz; files with several timesteps show the
-        order of convergence.
-    timestep
-        The engine's timestep in each file. Default: the one in the file's header, or the interval
-        between its rows.
+        CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz.
     tolerance
         Largest errors that agree: relative for path, height, momentum and rates; in rad for the
         attitude.
@@ -92,4 +87,4 @@ def judge(
     from ..results import controlled
     from ..studies.judge import judge_files
 
-    return judge_files(controlled(scene, control), files, timestep, tolerance, json)
+    return judge_files(controlled(scene, control), files, tolerance, json)

@@ -56,12 +56,11 @@ def exponents(
     starts: options.Count = 16,
     duration: options.Seconds = 10_000.0,
     transient: options.Seconds = 1000.0,
-    preset: options.PresetName | None = None,
     seed: options.Seed = 0,
     threads: options.Threads = None,
     json: options.JsonFile = None,
 ) -> int:
-    """Measure Lyapunov exponents with the equations and, on request, with an engine.
+    """Measure the Lyapunov exponents of a scene with the equations.
 
     Example: robotball dynamics exponents fig14 --starts 4 --duration 1000
 
@@ -73,12 +72,10 @@ def exponents(
         Time over which the exponents of each start are measured.
     transient
         Time before the measurement.
-    preset
-        Also measure all six exponents with the engine, over a tenth of the duration.
     """
-    from ..studies.contact_tangent import exponents_study
+    from ..studies.long_runs import exponents_study
 
-    study = exponents_study(scene, starts, duration, transient, preset, seed)
+    study = exponents_study(scene, starts, duration, transient, seed)
     return options.present_once(study, options.OUT, json)
 
 
@@ -103,7 +100,7 @@ def basins(
     transient
         Time in which a motion must reach its attractor.
     """
-    from ..studies.basins import basins_study
+    from ..studies.long_runs import basins_study
 
     return options.present_once(basins_study(scene, starts, transient, seed), options.OUT, json)
 

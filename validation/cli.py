@@ -34,9 +34,9 @@ _INTERRUPTED = 130
 _AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another unit are meant
 # The headings of `--help`, and their commands, each after its module in `commands`.
 GROUPS = {
-    "Compare": "compare:compare report:report film:video film:view compare:demo scenes:scenes",
-    "Your own robot": "checking:check fitting:fit building:design building:steer",
-    "Engines and their settings": "study studies:engines scenes:export fitting:judge",
+    "Compare": "compare:compare compare:report film:video film:view compare:demo robots:scenes",
+    "Your own robot": "robots:check robots:fit robots:design robots:steer",
+    "Engines and their settings": "study studies:engines robots:export robots:judge",
     "How the ball moves": "dynamics",
 }
 # Commands of two words: what the first one is for, and the second ones.

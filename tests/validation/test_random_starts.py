@@ -10,7 +10,7 @@ import robotball as rb
 from robotball.engines.engine import request_of
 from robotball.processes import at_most
 from tests.messages import unnamed
-from validation import ManyRuns, compare, compare_many, random_starts
+from validation import ManyRuns, compare, compare_many, many_runs
 from validation.cli import main
 
 TIMES = rb.sample_times(1.0)
@@ -18,7 +18,7 @@ TIMES = rb.sample_times(1.0)
 
 def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     randoms = (np.random.default_rng([7, i]) for i in range(count))
-    return [random_starts.random_start(scene, each) for each in randoms]
+    return [many_runs.random_start(scene, each) for each in randoms]
 
 
 # Compiled steps of both models; single integrations with a changing drive, and of general robots.
@@ -33,7 +33,7 @@ def test_errors_equal_the_errors_of_single_comparisons(name: str) -> None:
         rows = compare_many(scene, starts, TIMES, settings="fast").rows
     for row, start in zip(rows, starts, strict=True):
         one = compare(replace(scene, start=start), TIMES, settings="fast")
-        for error in random_starts.ERRORS:
+        for error in many_runs.ERRORS:
             assert row[error] == pytest.approx(getattr(one, error), rel=3e-8)
         assert (row["fault"], row["agrees"]) == (None, True)
 
@@ -44,7 +44,7 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
     found = compare_many(scene, starts_of(scene, 3), TIMES, settings=slippery)
     none = found.summary("path_error")
     assert none["faulty"] == 3
-    assert {none[name] for name in random_starts.PERCENTILES} == {None}
+    assert {none[name] for name in many_runs.PERCENTILES} == {None}
     row = {"path_error": 1.0, "fault": None, "agrees": True, "seconds": 1.0}
     rows = tuple(row | {"path_error": float(i)} for i in range(101))
     broken = row | {"path_error": None, "fault": "SLIPPED"}
@@ -56,9 +56,7 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
 def test_a_start_depends_on_its_number_alone() -> None:
     """So more starts of the same seed continue the fewer ones."""
     scene, request = rb.load_scene("fig12"), request_of("mujoco", "fast")
-    few, many = (
-        random_starts.random_runs(scene, count, 0.5, request, seed=3).rows for count in (2, 3)
-    )
+    few, many = (many_runs.random_runs(scene, count, 0.5, request, seed=3).rows for count in (2, 3))
     assert [{**row, "seconds": 0.0} for row in few] == [{**row, "seconds": 0.0} for row in many[:2]]
 
 

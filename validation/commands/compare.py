@@ -1,9 +1,11 @@
-"""The commands `compare` and `demo`, which compare an engine's motion with the equations'.
+"""The commands `compare`, `demo` and `report`.
 
 Imports stand within the functions: drawing begins in other processes before the slow ones.
 """
 
+import shlex
 import sys
+import tempfile
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -14,6 +16,8 @@ from cyclopts import Parameter
 from .. import options
 
 _DEMO_SCENES = ("fig12", "classical_regular")
+_FILM = (360, 640)  # px, height and width: the page stays below six megabytes
+_MOST_NAMES = 80  # characters of a file name that scenes may take
 _SHOWN = ("naive", "balanced")  # on the page and in the film: what a wrong setting looks like
 
 
@@ -113,7 +117,7 @@ def _many(
     from robotball import InputError
     from robotball.errors import check_count
 
-    from ..random_starts import ERRORS, PERCENTILES, random_runs
+    from ..many_runs import ERRORS, PERCENTILES, random_runs
     from ..study import Column, Study, present, table_of
 
     rows, runs = [], {}
@@ -161,7 +165,6 @@ def demo(*, out: options.Out = options.OUT) -> int:
     from ..comparing import film, motions_of
     from ..output import program, write_text
     from ..report.scene_report import report
-    from .report import FILM
 
     console = Console(soft_wrap=True)
     # naive is there to fail: what is predicted of it stands behind the table.
@@ -182,7 +185,7 @@ def demo(*, out: options.Out = options.OUT) -> int:
     path = out / f"{results.file_stem(filmed)}.mp4"
     console.print(f"{page} can be opened; a film of a minute's work is added to it.")
     try:
-        film(path, motions_of(filmed, "video"), Film(size=FILM, fps=24, ghost=True))
+        film(path, motions_of(filmed, "video"), Film(size=_FILM, fps=24, ghost=True))
         write_text(page, report(shown, command, path))
     # A film needs a GL and an encoder, without which the rest of the demo is as good.
     except InputError as error:
@@ -194,3 +197,52 @@ def demo(*, out: options.Out = options.OUT) -> int:
         f"robotball's settings: {balanced:.0e} m.  open {page}", style="bold", markup=False,
     )  # fmt: skip
     return options.AGREES
+
+
+def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = False) -> int:
+    """Write a comparison as one HTML page: verdict, plots, 3-D view, settings, how to repeat it.
+
+    The page is a single file that needs no network.
+
+    Example: robotball report fig12 --preset fast,accurate
+
+    Parameters
+    ----------
+    scenes
+        Names from the catalog, or paths to TOML, MJCF or URDF files.
+    film
+        Add a film of the first scene to the page.
+    """
+    from rich.console import Console
+
+    from robotball import InputError
+
+    from ..comparing import film as write_film
+    from ..comparing import motions_of
+    from ..output import program, write_text
+    from ..report.scene_report import report as page_of
+    from ..results import file_stem, record, scenes_of, show
+
+    if not scenes:
+        raise InputError("report needs a scene; `robotball scenes` lists the catalog")
+    loaded = list(scenes_of(scenes, run.control, run.controller).values())
+    agreements = run.agreements(loaded)
+    # The agreements of the first scene stand first, as many as each scene has.
+    first = agreements[: len(agreements) // len(loaded)]
+    stem = file_stem(first)
+    others = "".join(f"-{scene.name}" for scene in loaded[1:])
+    # Cut, because a file system takes no name of a whole catalog.
+    path = run.out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
+    command = f"{program()} {shlex.join(sys.argv[1:])}"
+    with tempfile.TemporaryDirectory() as folder:
+        movie = Path(folder) / "film.mp4" if film else None
+        if movie:
+            # Its import prepares off-screen drawing.
+            from robotball.view.render import Film
+
+            how = Film(size=_FILM, ghost=len(first) > 1)
+            write_film(movie, motions_of(first, "video"), how)
+        write_text(path, page_of(agreements, command, movie))
+    show(list(map(record, agreements)), Console())
+    print(path)
+    return options.AGREES if all(run.agrees for run in agreements) else options.DISAGREES

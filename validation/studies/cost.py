@@ -52,8 +52,7 @@ from ..study import (
     table_of,
 )
 from ..sweeps import Cell, Result, rows_of
-from .orders import fit_order
-from .timing import measure_costs, simulated_second
+from .measuring import fit_order, measure_costs, simulated_second
 
 _RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # tolerates any error
 TARGET = 1e-6  # the path error at which first order and the front are compared

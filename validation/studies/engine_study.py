@@ -37,7 +37,7 @@ from ..study import (
 from ..sweeps import Cell, Result, rows_of
 from . import engine_runs
 from .engine_runs import Contestant, python_of
-from .orders import fit_order
+from .measuring import fit_order
 
 _LIMIT = 300.0  # s, time limit of a run with its compilation
 _ROUNDS = 3  # rounds of timing

@@ -24,7 +24,7 @@ from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.robotball.scene_files.scene_texts import PLATE
 from tests.validation.examples import example
-from validation.studies import timing
+from validation.studies import measuring
 from validation.studies.cost import (
     TARGET,
     cells_of,
@@ -36,7 +36,7 @@ from validation.studies.cost import (
     options_of,
     settings_with,
 )
-from validation.studies.timing import Cost, measure_costs, simulated_second
+from validation.studies.measuring import Cost, measure_costs, simulated_second
 from validation.study import Row, pareto_front, scene_cell
 from validation.sweeps import Result
 
@@ -218,7 +218,7 @@ def test_the_parts_are_listed_with_their_costs() -> None:
 def test_a_machine_that_slows_down_changes_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     """Work that takes twice as long as the bare loop costs 2, even if the speed drifts."""
     speed: Iterator[float] = itertools.count(1.0, 0.5)
-    monkeypatch.setattr(timing, "bare_loop", lambda: next(speed))
+    monkeypatch.setattr(measuring, "bare_loop", lambda: next(speed))
     # The loops before and after each work take `now` and `now` + 0.5.
     seen = iter([2 * (1.25 + 0.5 * n) for n in range(8)])
     costs = measure_costs([lambda: next(seen), lambda: next(seen)], rounds=3)
@@ -239,5 +239,5 @@ def test_cost_is_of_a_simulated_second(monkeypatch: pytest.MonkeyPatch) -> None:
     motion = run(model, times)
     slow = replace(motion, report=replace(motion.report, seconds=3.0))
     for result in (slow, replace(slow, times=times[:5])):
-        monkeypatch.setattr(timing, "run", lambda *_, result=result: result)
+        monkeypatch.setattr(measuring, "run", lambda *_, result=result: result)
         assert simulated_second(model, times)() == pytest.approx(1.5)

@@ -61,7 +61,7 @@ def test_a_log_that_tells_nothing_is_no_success(robotball: Robotball, tmp_path: 
     np.savetxt(tmp_path / "n.csv", table, delimiter=",", header="t,x,y", comments="")
     status, out, _ = robotball("fit", "pendulum_robot", "n.csv", "--free", "kv")
     assert status == 1
-    assert unnamed("logs none numbers", out) == []
+    assert unnamed("logs any parameters", out) == []
 
 
 @pytest.mark.slow
@@ -120,9 +120,9 @@ def test_a_file_is_not_fitted_as_it_is_without_the_toolbox(
     """A line says how to install it; the equations are fitted none the less."""
     robot = robot_numbers(ROBOT)
     monkeypatch.delattr(toolbox.sysid, "optimize", raising=False)
-    assert [*fitting.as_it_is(robot)] == []
+    assert [*fitting.unmodified_file(robot)] == []
     assert "`sysid`" in capsys.readouterr().out
-    assert [*fitting.as_it_is(numbers_of("pendulum_robot"))] == []
+    assert [*fitting.unmodified_file(numbers_of("pendulum_robot"))] == []
 
 
 def test_a_position_that_strays_may_be_of_another_world() -> None:

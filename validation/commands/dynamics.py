@@ -139,7 +139,6 @@ def branches(
     of: Literal["equilibrium", "line", "cycle"],
     over: Annotated[str, Parameter(metavar="NAME=FROM:TO")],
     longest: options.Seconds | None = None,
-    preset: options.PresetName | None = None,
     out: options.Out = options.OUT,
     threads: options.Threads = None,
     json: options.JsonFile = None,
@@ -159,9 +158,6 @@ def branches(
         drives: frequency, f, c, frame.mean, rotor1.value, plane.Z.amplitude, plane.Z.phase.
     longest
         Longest period of a cycle to follow. Default: 300 s, or four periods of periodic drives.
-    preset
-        Also run motions of driven branches with the engine, and say how far they are from closing
-        after a period.
     """
     from ..output import writable_folder
     from ..results import changed
@@ -169,12 +165,12 @@ def branches(
     from ..study import Study, write
 
     writable_folder(out)
-    words = changed(branches, longest=longest, preset=preset)
+    words = changed(branches, longest=longest)
 
     def save(study: Study) -> Path:
         return write(study, out / f"{study.stem(*words)}.png", json, csv)[0]
 
-    print(follow_branches(scene, of, over, longest, preset, save))
+    print(follow_branches(scene, of, over, longest, save))
     return options.AGREES
 
 

@@ -69,7 +69,7 @@ _WORLDS = {
 
 
 @dataclass(frozen=True)
-class Truth:
+class _Truth:
     """Expected values of a trajectory's rows.
 
     Attributes
@@ -85,7 +85,7 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class Errors:
+class _Errors:
     """Errors of path, over its length, of attitude [rad], and of ω, relative; None if unknown."""
 
     path: float
@@ -102,13 +102,13 @@ def rows_of(file: Trajectory, at: slice | NDArray[np.intp]) -> Trajectory:
     return replace(file, **arrays, others=others)
 
 
-def some_of(count: int) -> slice:
+def _some_of(count: int) -> slice:
     """Select at most `2 * _SAMPLES` of `count` samples at equal distances, including the first."""
     return slice(None, None, max(1, count // _SAMPLES))
 
 
-def errors_at(file: Trajectory, truth: Truth, angle: Array | None = None) -> tuple[Array, ...]:
-    """Return the errors (n,) of path, attitude and, if known, ω, in the units of `Errors`.
+def _errors_at(file: Trajectory, truth: _Truth, angle: Array | None = None) -> tuple[Array, ...]:
+    """Return the errors (n,) of path, attitude and, if known, ω, in the units of `_Errors`.
 
     Pass the attitude's error as `angle` (n,) if it is known.
     """
@@ -122,12 +122,12 @@ def errors_at(file: Trajectory, truth: Truth, angle: Array | None = None) -> tup
     return path, angle, np.linalg.norm(file.angular_velocity - omega, axis=1) / (fastest or 1.0)
 
 
-def largest(errors: tuple[Array, ...]) -> Errors:
+def _largest(errors: tuple[Array, ...]) -> _Errors:
     """Return the largest value of each error."""
-    return Errors(*(float(error.max()) for error in errors))
+    return _Errors(*(float(error.max()) for error in errors))
 
 
-def typical(errors: tuple[Array, ...], times: Array) -> Array:
+def _typical(errors: tuple[Array, ...], times: Array) -> Array:
     """Return the mean over ln(t) of the logarithm of each error, (2 or 3,), at times (n,).
 
     An engine's error is small at first, whereas a mistake acts from the beginning. At the end of a
@@ -144,7 +144,7 @@ _Parts = dict[str, _Change]
 
 
 @dataclass(frozen=True)
-class Convention:
+class _Convention:
     """A mistake in conventions: its name, the function that undoes it, and its number of parts."""
 
     family: str
@@ -153,21 +153,21 @@ class Convention:
     parts: int
 
 
-def conventions(truth: Truth, has_height: bool) -> Iterator[Convention]:
+def _conventions(truth: _Truth, has_height: bool) -> Iterator[_Convention]:
     """Yield the conventions to try. Without a height, the world's vertical stays the same."""
     yield from _combined("attitude", _attitudes(truth))
     yield from _combined("position", _positions())
     yield from _combined("angular velocity", _rates(truth))
-    yield from (Convention("world", *world, 1) for world in _worlds(has_height))
+    yield from (_Convention("world", *world, 1) for world in _worlds(has_height))
 
 
-def _combined(family: str, kinds: Sequence[_Parts]) -> Iterator[Convention]:
+def _combined(family: str, kinds: Sequence[_Parts]) -> Iterator[_Convention]:
     """Yield all combinations with at most one mistake of each kind."""
     for chosen in product(*([("", lambda file: file), *parts.items()] for parts in kinds)):
         names = [name for name, _ in chosen if name]
         undo = partial(reduce, lambda file, change: change(file), [change for _, change in chosen])
         if names:
-            yield Convention(family, "; ".join(names), undo, len(names))
+            yield _Convention(family, "; ".join(names), undo, len(names))
 
 
 # Attitude ----------------------------------------------------------------------------------
@@ -181,7 +181,7 @@ def _right(q: Array) -> _Change:
     return _attitude(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
 
 
-def _attitudes(truth: Truth) -> list[_Parts]:
+def _attitudes(truth: _Truth) -> list[_Parts]:
     """Return the orders and directions of the quaternion, and the bodies that it may describe."""
     orders = {
         "the quaternion's order is x, y, z, w": _attitude(lambda q: q[:, [3, 0, 1, 2]]),
@@ -200,7 +200,7 @@ def _renamed(axes: str, names: str) -> str:
     return f"the {axes} axes are others: the file's {_XYZ} are the scene's {names}"
 
 
-def _in_shell(truth: Truth, sense: int) -> Array:
+def _in_shell(truth: _Truth, sense: int) -> Array:
     """Return the frame's attitude in the shell (n, 4), or its inverse for sense = -1."""
     angle, axis = truth.motion.hinge_angles[:, :1], truth.motion.scene.ball.shell.axis
     half = sense * angle / 2
@@ -260,7 +260,7 @@ def _rated(change: Callable[[Array, Trajectory], Array]) -> _Change:
     return undo
 
 
-def _rates(truth: Truth) -> list[_Parts]:
+def _rates(truth: _Truth) -> list[_Parts]:
     """Return units, signs and axes of ω, and the bodies it may describe."""
     scene, to_frame = truth.motion.scene, _in_shell(truth, -1)
     relative = np.outer(truth.motion.hinge_rates[:, 0], scene.ball.shell.axis)
@@ -349,7 +349,7 @@ _MistakenScene = tuple[str, tuple[Scene, ...]]
 """The name of a mistake in setting up the scene, and the scenes that it may have led to."""
 
 
-def mistaken_scenes(scene: Scene) -> Iterator[_MistakenScene]:
+def _mistaken_scenes(scene: Scene) -> Iterator[_MistakenScene]:
     """Yield the scenes to try: other conventions, units and axes, and left-out physics."""
     names = [hinge.name for hinge in scene.hinges]
     moving = [i for i, hinge in enumerate(scene.hinges) if _has_rate(scene, i)]
@@ -464,8 +464,8 @@ class Mistake:
 
     family: str
     name: str
-    before: Errors
-    after: Errors
+    before: _Errors
+    after: _Errors
     as_well: tuple[str, ...]
 
     @property
@@ -496,17 +496,17 @@ class _Candidate:
     name: str
     parts: int
     file: Trajectory
-    truth: Truth
+    truth: _Truth
     scene: Scene
     angle: Array | None = None
 
     @cached_property
     def errors(self) -> tuple[Array, ...]:
-        return errors_at(self.file, self.truth, self.angle)
+        return _errors_at(self.file, self.truth, self.angle)
 
     @cached_property
     def typical(self) -> Array:
-        return typical(self.errors, self.file.times)
+        return _typical(self.errors, self.file.times)
 
     @property
     def sizes(self) -> Array:
@@ -520,7 +520,7 @@ class Search:
 
     Attributes
     ----------
-    plain : Errors
+    plain : _Errors
         The errors of the file as written.
     mistakes : tuple of Mistake
         The mistakes found.
@@ -537,11 +537,11 @@ class Search:
     def __init__(self, trajectory: Trajectory, theory: Motion) -> None:
         """Search a trajectory; the theory is its reference."""
         self.trajectory, self.theory = trajectory, theory
-        self.at = some_of(len(trajectory.times))
+        self.at = _some_of(len(trajectory.times))
         rows, truth = rows_of(trajectory, self.at), self._truth(theory, self.at.step)
         # The file as written, then with each accepted mistake undone as well.
         self._accepted = [_Candidate("", "", 0, rows, truth, theory.scene)]
-        self.plain = largest(self._accepted[0].errors)
+        self.plain = _largest(self._accepted[0].errors)
         self.mistakes = tuple(self._mistakes())
         self.scene = self._accepted[-1].scene
         self.corrected = self._corrected()
@@ -563,7 +563,7 @@ class Search:
         """Yield mistakes that each reduce the errors left by the mistakes before it."""
         while len(self._accepted) <= _MOST_MISTAKES:
             now = self._accepted[-1]
-            before = largest(now.errors)
+            before = _largest(now.errors)
             families = {candidate.family for candidate in self._accepted}
             if before.rate is None:
                 families.add(_RATE)
@@ -572,7 +572,7 @@ class Search:
                     convention.family, convention.name, convention.parts, convention.undo(now.file),
                     now.truth, now.scene, None if convention.family in _TURNS else now.errors[1],
                 )
-                for convention in conventions(now.truth, self._has_height)
+                for convention in _conventions(now.truth, self._has_height)
                 if convention.family not in families
             ]  # fmt: skip
             best = _best(candidates, now)
@@ -590,7 +590,7 @@ class Search:
                 return
             chosen, as_well = best
             self._accepted.append(chosen)
-            yield Mistake(chosen.family, chosen.name, before, largest(chosen.errors), as_well)
+            yield Mistake(chosen.family, chosen.name, before, _largest(chosen.errors), as_well)
 
     def _corrected(self) -> Trajectory:
         """Undo the wrong conventions in all rows, and set `theory` to the motion of `scene`."""
@@ -606,7 +606,7 @@ class Search:
             self.theory = reference_of(last.scene, times)
         truth = self._truth(self.theory, 1)
         undo = {
-            convention.name: convention.undo for convention in conventions(truth, self._has_height)
+            convention.name: convention.undo for convention in _conventions(truth, self._has_height)
         }
         undo[_NOT_THE_RATE] = _with_own_rate
         for candidate in accepted:
@@ -618,16 +618,16 @@ class Search:
     def _has_height(self) -> bool:
         return bool(np.isfinite(self.trajectory.position[0, 2]))
 
-    def _truth(self, theory: Motion, step: int) -> Truth:
+    def _truth(self, theory: Motion, step: int) -> _Truth:
         first = 0 if self.trajectory.times[0] == 0 else 1
         rows = {place: array[first::step] for place, array in arrays_of(theory)}
-        return Truth(with_arrays(theory, rows), theory.path_scale)
+        return _Truth(with_arrays(theory, rows), theory.path_scale)
 
     @cached_property
     def _scenes(self) -> list[_Candidate]:
         """The motions of scenes that may have been simulated instead; integrated once."""
         file, candidates = self._accepted[-1].file, []
-        for name, scenes in mistaken_scenes(self._accepted[-1].scene):
+        for name, scenes in _mistaken_scenes(self._accepted[-1].scene):
             for scene in scenes:
                 with contextlib.suppress(InputError):  # nobody can have simulated such a ball
                     truth = self._truth(reference_of(scene, file.times, rtol=_TRIED), 1)

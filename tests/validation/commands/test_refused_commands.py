@@ -76,7 +76,6 @@ REFUSED = {
     "dynamics section shaken_ball --starts 3": "rest starts M²",
     "dynamics branches fig12 --of equilibrium --over f=1:2": "M~=~0 f c",
     "dynamics branches fig12 --of line --over f=1:2 --longest -3": "longest -3~s",
-    "dynamics branches fig12 --of line --over f=1:2 --preset fast": "--preset cycles",
     "dynamics branches fig06 --of cycle --over K3=0.1:0.2": "cycle K3",
     "dynamics branches chaplygin_ball --of line --over K3=0:1": "Omega~=~0",
     "dynamics branches fig06 --of cycle --over f=1:2": "state c",

@@ -448,7 +448,7 @@ def test_a_mistake_that_leaves_more_than_a_tenth_is_not_called_wrong(
     found = judged(scene, file)
     assert untold(["plane slopes"], [mistake.name for mistake in found.mistakes]) == []
     assert any(line.startswith("WRONG") for line in lines(found))
-    monkeypatch.setattr(mistakes, "mistaken_scenes", lambda *_: ())
+    monkeypatch.setattr(mistakes, "_mistaken_scenes", lambda *_: ())
     found = judged(scene, file)
     assert found.mistakes[0].left > 0.1  # measured 0.149 in the attitude
     assert not any(line.startswith("WRONG") for line in lines(found))

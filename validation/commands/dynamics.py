@@ -185,7 +185,7 @@ def chart(
     transient: options.Seconds = 2000.0,
     sweep: options.SweepOptions = options.SWEEP,
 ) -> int:
-    """Chart the largest exponent over two numbers of a ball, or the section over one number.
+    """Chart the largest exponent over two numbers of a ball.
 
     The numbers are the components K1 to K3 and Omega1 to Omega3 along the principal axes, the
     lengths K and Omega, the angles K12, K23, K31, Omega12 and so on of their directions in a plane,
@@ -196,7 +196,7 @@ def chart(
     Parameters
     ----------
     over
-        The number of the horizontal axis and its range, then that of the vertical axis, if any.
+        The number of the horizontal axis and its range, then those of the vertical axis.
     points
         Points along an axis before refinement.
     refine

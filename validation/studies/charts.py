@@ -1,15 +1,14 @@
-"""Charts of the largest exponent over two numbers of a ball, and diagrams of the section over one.
+"""Charts of the largest exponent over two numbers of a ball.
 
 Each point is a motion of the equations from the scene's start, after a transient. λ₁ over the later
 half of its duration classifies it: chaotic; regular, on a cycle or a torus (λ₁ = 0); or ending on a
 straight line (negative exponents). The first half shows transient chaos, which may last thousands
-of seconds. Between points of different kinds the grid is refined. A diagram shows the crossings of
-g = 0 with growing g (section 5.2).
+of seconds. Between points of different kinds the grid is refined.
 """
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +21,15 @@ from scipy.ndimage import distance_transform_edt
 from robotball import InputError, Scene, load_scene
 from robotball.dynamics.families import NUMBERS, numbers_of, varied
 from robotball.dynamics.long_run import exponents_of
-from robotball.dynamics.sections import sections_of
 from robotball.errors import check_count, check_positive, unknown
 from robotball.robot.formulas import Parameters
-from robotball.robot.looks import ACCENT, FAINT, INK
+from robotball.robot.looks import ACCENT, INK
 from robotball.rotations import Array
-from robotball.theory.ensembles.orbits import DONE, LONG_RUN_TOLERANCE, Integers, kernel_start
+from robotball.theory.ensembles.orbits import Integers, kernel_start
 
 from ..options import Sweep, span_of
 from ..output import title
-from ..study import Row, Study, scene_cell
+from ..study import Study, scene_cell
 from ..sweeps import Cell
 from .contact_sections import moving_scene
 
@@ -41,9 +39,6 @@ _GROWTH = 20.0
 _CHAOTIC, _TRANSIENT = "chaotic", "transient chaos"
 _CHUNK = 128  # motions per cell, a few seconds of a core
 _LIMIT = 600.0  # s, time limit of a cell
-_SKIPPED = 3000  # crossings before the diagram's
-_KEPT = 100  # crossings of each motion in a diagram
-_SAME_CROSSING = 1e-3  # in L/√f and in rad; closer crossings are the same
 _QUICK = 10  # divides the number of points and the duration in the quick form
 _SAID = (
     "motions: {points}, {minutes:.2g} minutes of processor time. {chaotic:.1%} of the chart is "
@@ -64,37 +59,23 @@ def _axes_of(text: str, count: int) -> dict[str, Array]:
         if name not in NUMBERS:
             raise unknown("number", name, NUMBERS)
         axes[name] = np.linspace(low, high, count)
-    if text.count(",") >= len(axes) or len(axes) > 2:
-        raise InputError(f"--over takes one or two different names, not {text!r}")
+    if text.count(",") != 1 or len(axes) != 2:
+        raise InputError(f"--over takes two different names, not {text!r}")
     return axes
 
 
 def measure(cell: Cell) -> dict[str, Any]:
-    """Measure the motions of a cell: λ₁ and its error [1/s], and the kind of motion.
-
-    For diagrams also the last crossings (L/√f, l [rad]). `seconds` is processor time.
-    """
+    """Measure λ₁ and its error [1/s], the kind, and the processor time [s] of a cell's motions."""
     begin, n = time.process_time(), len(cell["points"])
     balls, attitudes, momenta = _motions(cell)
-    crossed: list[list[list[float]]] = [[]] * n
-    if (skipped := cell.get("skipped")) is not None:
-        options: Any = {"direction": 1, "tolerance": LONG_RUN_TOLERANCE}
-        run = sections_of(balls, attitudes, momenta, skipped + _KEPT, **options)
-        ratios = run.L / np.linalg.norm(momenta, axis=1, keepdims=True)
-        crossed = [
-            np.stack(points, axis=1)[skipped:m].tolist()
-            for m, *points in zip(run.found, ratios, run.l, strict=True)
-        ]
-        # The exponents begin where the crossings end.
-        attitudes[run.status == DONE] = run.attitudes[run.status == DONE, -1]
     halves = exponents_of(balls, attitudes, momenta, cell["duration"], cell["transient"]).halves
     spent = (time.process_time() - begin) / n
     growths = (halves * cell["duration"] / 2).tolist()
     errors = np.abs(halves[:, 1] - halves[:, 0]) / math.sqrt(2)
     rows = [
-        {"largest": float(late), "largest_error": float(error), "motion": word_of(growth, points)}
-        | {"crossings": points, "seconds": spent}
-        for (_, late), error, growth, points in zip(halves, errors, growths, crossed, strict=True)
+        {"largest": float(late), "largest_error": float(error)}
+        | {"motion": _kind_of(*growth), "seconds": spent}
+        for (_, late), error, growth in zip(halves, errors, growths, strict=True)
     ]
     return {"rows": rows}
 
@@ -110,7 +91,7 @@ def _motions(cell: Cell) -> tuple[list[Parameters], Array, Array]:
 def refined(
     shape: tuple[int, ...], levels: int, least: float, measured: Callable[[Integers], Array]
 ) -> Array:
-    """Return λ₁ on a grid of one or two dimensions, filled from the nearest measured places.
+    """Return λ₁ on a grid, filled from the nearest measured places.
 
     Parameters
     ----------
@@ -140,39 +121,19 @@ def refined(
     return largest[tuple(nearest)]
 
 
-def word_of(growths: Sequence[float], crossings: Sequence[Sequence[float]]) -> str:
-    """Return the kind of a motion from the logarithmic growth of a neighbour in its two halves.
-
-    `crossings` (n, 2) has L/√f and l [rad], or is empty.
-    """
-    early, late = growths
+def _kind_of(early: float, late: float) -> str:
+    """Return the kind of a motion from the logarithmic growth of a neighbour in its two halves."""
     if abs(late) > _GROWTH:
         return _CHAOTIC if late > 0 else "straight line"
-    if early > _GROWTH:
-        return _TRANSIENT
-    if not crossings:
-        return "regular"
-    L, l = np.array(crossings).T
-    # l = 0 and 2π are the same point.
-    points = np.stack([L, np.cos(l), np.sin(l)])
-    gaps = (np.abs(points[:, n:] - points[:, :-n]).max() for n in range(1, len(l) // 2 + 1))
-    periods = [n for n, gap in enumerate(gaps, start=1) if gap < _SAME_CROSSING]
-    return f"cycle of {periods[0]}" if periods else "torus"
-
-
-def _blank(scene: Scene, axes: _Axes, part: float) -> tuple[Figure, list[str], dict[str, float]]:
-    """Return a figure with a title, the labels of its axes, and the numbers of the scene."""
-    figure = Figure(figsize=(9.0, 7.4), layout="constrained")
-    over = " and ".join(NUMBERS[name][0] for name in axes)
-    title(figure, f"{scene.name}: {part:.0%} is chaotic over {over}")
-    labels = ["{} [{}]".format(*NUMBERS[name]) for name in axes]
-    return figure, labels, numbers_of(scene.parameters, scene.start.momentum)
+    return _TRANSIENT if early > _GROWTH else "regular"
 
 
 def _draw_chart(scene: Scene, axes: _Axes, largest: Array, least: float) -> Figure:
     """Draw λ₁ (across, up) in colours, with the borders of chaos and the scene's own place."""
-    known = np.isfinite(largest)
-    figure, (across, up), own = _blank(scene, axes, (largest[known] > least).mean())
+    part = (largest[np.isfinite(largest)] > least).mean()
+    figure = Figure(figsize=(9.0, 7.4), layout="constrained")
+    over = " and ".join(NUMBERS[name][0] for name in axes)
+    title(figure, f"{scene.name}: {part:.0%} is chaotic over {over}")
     panel, places = figure.subplots(), [*axes.values()]
     # Only chaos has colour; regular motion is pale.
     colours = colormaps["viridis_r"].with_extremes(under="#E9ECEF")
@@ -183,28 +144,10 @@ def _draw_chart(scene: Scene, axes: _Axes, largest: Array, least: float) -> Figu
     panel.contour(*places, largest.T, levels=[least], colors=[INK], linewidths=0.5)
     resting = np.where(largest < -least, 1.0, 0.0).T
     panel.contourf(*places, resting, levels=[0.5, 1.5], colors="none", hatches=["///"])
-    x, y = (own[name] for name in axes)
-    panel.plot(x, y, "*", color=ACCENT, mec="white", ms=15)
+    own = numbers_of(scene.parameters, scene.start.momentum)
+    panel.plot(*(own[name] for name in axes), "*", color=ACCENT, mec="white", ms=15)
+    across, up = ("{} [{}]".format(*NUMBERS[name]) for name in axes)
     panel.set(xlabel=across, ylabel=up, title=_CHART_LEGEND)
-    return figure
-
-
-def _draw_diagram(scene: Scene, axes: _Axes, rows: Sequence[Row], part: float) -> Figure:
-    """Draw L/√f and l of the crossings over the varied number, and λ₁ below."""
-    figure, (across,), own = _blank(scene, axes, part)
-    (name,) = axes
-    dots = np.array([(row[name], *at) for row in rows for at in row["crossings"]]).reshape(-1, 3)
-    above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
-    style: Any = {"color": INK, "markersize": 1.2, "markeredgewidth": 0}
-    above.plot(dots[:, 0], dots[:, 1], "o", **style)
-    middle.plot(dots[:, 0], dots[:, 2] % (2 * np.pi), "o", **style)
-    below.plot([row[name] for row in rows], [row["largest"] for row in rows], color=INK)
-    for panel, label in ((above, "L/√f"), (middle, "l [rad]"), (below, "λ₁ [1/s]")):
-        panel.set_ylabel(label)
-        panel.axvline(own[name], color=ACCENT, linestyle="--", linewidth=1)
-    below.axhline(0.0, color=FAINT)
-    below.set(xlabel=across, xlim=(axes[name].min(), axes[name].max()))
-    figure.align_ylabels()
     return figure
 
 
@@ -217,7 +160,7 @@ def chart_study(
     duration: float,
     transient: float,
 ) -> Study:
-    """Measure and draw a chart or a diagram."""
+    """Measure and draw a chart."""
     scene, less = moving_scene(name, "a chart"), _QUICK if sweep.quick else 1
     levels = check_count("refine", refine, 0)
     count = max(3, check_count("points", points, 3) // less)
@@ -230,8 +173,6 @@ def chart_study(
     own = numbers_of(ball, momentum)
     shared = scene_cell(name, duration / less)
     shared |= {"transient": transient / less, "over": [*axes]}
-    if len(axes) == 1:
-        shared |= {"skipped": _SKIPPED // less}
     rows: dict[tuple[float, ...], dict[str, Any]] = {}
     failures: list[str] = []
 
@@ -275,14 +216,5 @@ def chart_study(
     shown = [(_SAID + _SPREAD * bool(errors)).format(**record)]
     if failures:
         shown.append(escape(f"cells without a result: {len(failures)}; {failures[0]}"))
-    if len(axes) == 1:
-        picture = _draw_diagram(scene, axes, found, record["chaotic"])
-    else:
-        picture = _draw_chart(scene, axes, largest, least)
-    # The file has a line for each crossing, and one line for a motion without crossings.
-    lines = [
-        {**row, "L/√f": L, "l": l}
-        for row in found
-        for L, l in row.pop("crossings") or [(None, None)]
-    ]
-    return Study(scene.name, None, ["chart"], lines, record, shown, picture)
+    picture = _draw_chart(scene, axes, largest, least)
+    return Study(scene.name, None, ["chart"], found, record, shown, picture)

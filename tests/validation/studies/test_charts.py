@@ -1,8 +1,7 @@
-"""Charts of the largest exponent, and diagrams of the section."""
+"""Charts of the largest exponent over two numbers."""
 
 import csv
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from scipy.spatial.transform import Rotation
 import robotball as rb
 from robotball.dynamics.families import varied
 from robotball.dynamics.long_run import exponents_of
-from robotball.dynamics.sections import sections_of
 from robotball.robot import formulas as eq
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.theory.ensembles.orbits import Integers, kernel_start
@@ -24,7 +22,7 @@ from tests.conftest import Robotball
 from tests.messages import naming
 from validation.options import Sweep
 from validation.studies import charts
-from validation.studies.charts import chart_study, measure, refined, word_of
+from validation.studies.charts import chart_study, measure, refined
 from validation.sweeps import Result
 
 TIMES = (4.0, 7.0)  # s, the interval of λ₁
@@ -134,26 +132,19 @@ def test_refining_only_adds_points_and_finds_the_whole_border(dimensions: int) -
     assert np.array_equal(np.abs(grid) > 0.2, np.abs(everywhere) > 0.2)
 
 
-def test_the_crossings_of_a_diagram_are_the_sections_of_its_motions() -> None:
-    """They begin after the skipped ones; equal points have equal crossings."""
-    ball, attitudes, momenta = kernel_start(rb.load_scene("fig12"))
-    whole = sections_of(ball, attitudes, momenta, 120, direction=1).L[0] / 5
-    some = cell("fig12", {"Omega": [2.0, 2.0]}, skipped=20)
-    crossings = np.array([row["crossings"] for row in measure(some)["rows"]])
-    # Measured 1.5e-9: the tolerances of the steps differ.
-    assert crossings[:, :, 0] == pytest.approx(np.tile(whole[20:], (2, 1)), abs=1e-6)
-
-
-def test_a_regular_motion_is_named_by_its_crossings() -> None:
-    """Cases: period 3 with jumps of l by 2π; a circle wound irrationally; growth."""
-    three = [[0.1, -3.1], [0.2, 0.5], [0.1, 0.4]] * 10
-    three[3] = [0.1, -3.1 + 2 * math.pi]
-    assert word_of((5.0, 5.0), three) == "cycle of 3"
-    assert word_of((5.0, 5.0), [[math.cos(n * 3.883), n * 3.883] for n in range(100)]) == "torus"
-    words = [
-        word_of(halves, []) for halves in ((31.0, 31.0), (31.0, 5.0), (5.0, -31.0), (5.0, 5.0))
-    ]
-    assert words == ["chaotic", "transient chaos", "straight line", "regular"]
+@pytest.mark.parametrize(
+    ("growths", "kind"),
+    [
+        ((31.0, 31.0), "chaotic"),
+        ((31.0, 5.0), "transient chaos"),
+        ((5.0, -31.0), "straight line"),
+        ((5.0, 5.0), "regular"),
+    ],
+)
+def test_the_growth_of_a_neighbour_decides_the_kind(
+    growths: tuple[float, float], kind: str
+) -> None:
+    assert charts._kind_of(*growths) == kind
 
 
 def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path) -> None:
@@ -183,7 +174,7 @@ def test_cells_without_a_result_are_reported_with_a_reason(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """If all cells fail, the command is refused; otherwise they are listed below the chart."""
-    lost: list[int] = [0, 1, 2]
+    lost: list[int] = [*range(9)]
 
     def results(sweep: Sweep, work: Any, cells: Any, *of: Any) -> list[Result]:
         return [
@@ -194,11 +185,11 @@ def test_cells_without_a_result_are_reported_with_a_reason(
     monkeypatch.setattr(Sweep, "results", results)
     monkeypatch.setattr(charts, "_CHUNK", 1)
     sweep = Sweep(out=tmp_path)
-    options: Any = "fig14", "K=2:4", sweep, 3, 0, 20.0, 10.0
+    options: Any = "fig14", "K=2:4,Omega=2:2.1", sweep, 3, 0, 20.0, 10.0
     with pytest.raises(rb.InputError, match=naming("[3]~s")):
         chart_study(*options)
     lost[:] = [1]
     assert sweep.present(chart_study(*options)) == 0
     printed = capsys.readouterr().out
-    assert "motions: 2, " in printed
+    assert "motions: 8, " in printed
     assert "[3] s" in printed

@@ -8,7 +8,6 @@ and hatches show the outcomes, so no colour is needed. `extreme_maps.py` defines
 import logging
 import time
 import warnings
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
@@ -494,45 +493,30 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
     return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
 
 
-def _finding(results: Sequence[Result]) -> str:
-    """Return the share of accurate runs of each integrator, and the number of missed failures."""
-    runs, good = Counter[str](), Counter[str]()
-    for result in results:
-        runs[result.cell["integrator"]] += 1
-        good[result.cell["integrator"]] += _outcome_of(result) is Outcome.ACCURATE
-    parts = [f"{name} {n / runs[name]:.0%}" for name, n in good.most_common() if n]
-    parts += ["others 0%" if parts else "0%"] * (len(parts) < len(runs))
-    unseen = sum(map(missed, results))
-    return f"Accurate runs: {', '.join(parts)}; wrong without a warning or a fault: {unseen}"
-
-
-def _sentence(limit: Row) -> str:
-    """Return the law of a limit and its measured position."""
-    law = (LAWS[limit["name"]].__doc__ or "").partition("\n")[0].rstrip(".")
-    sentence = f"{law}: runs hold to {limit['kept']:.2g} times it"
-    return sentence + ("" if limit["broken"] is None else f", break from {limit['broken']:.2g}")
-
-
 def _legends(
     figure: Figure, chosen: Map, styles: Mapping[str, Any], results: Sequence[Result]
 ) -> None:
     """Draw the title and the legend of the lines above, and the legend of the cells below."""
-    measured = {limit["name"]: limit for limit in measured_limits(results)}
     limits = [
-        Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
+        Line2D([], [], color=colour, linestyle=dashes, label=_law(name))
         for name, (colour, dashes) in styles.items()
     ]
     present = {*map(_outcome_of, results)}
     outcomes = [Patch(label=kind.sentence, **kind.look) for kind in Outcome if kind in present]
-    heading = f"{_finding(results)}\n{chosen.title}\nheld: {chosen.held}"
+    heading = f"{chosen.title}\nheld: {chosen.held}"
     if limits:
-        heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and measured"
+        heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}"
     style: Any = {"frameon": False, "fontsize": 8}
     # The legend carries the title, since a title of the figure would overlap this legend.
     upper: Any = {"loc": "outside upper left", "title": heading, "alignment": "left"}
     figure.legend(handles=limits, **upper, **style)
     handles = [*outcomes, *map(_mark, _MARKS)]
     figure.legend(handles=handles, loc="outside lower left", ncols=2, **style)
+
+
+def _law(name: str) -> str:
+    """Return the first line of a limit's docstring."""
+    return (LAWS[name].__doc__ or "").partition("\n")[0].rstrip(".")
 
 
 def map_extremes(names: Sequence[str], sweep: Sweep) -> int:

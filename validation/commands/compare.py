@@ -18,7 +18,7 @@ from .. import options
 _DEMO_SCENES = ("fig12", "classical_regular")
 _FILM = (360, 640)  # px, height and width: the page stays below six megabytes
 _MOST_NAMES = 80  # characters of a file name that scenes may take
-_SHOWN = ("naive", "balanced")  # on the page and in the film: what a wrong setting looks like
+_SHOWN = ("naive", "balanced")  # on the page and in the film, to show a wrong setting
 
 
 def compare(
@@ -85,7 +85,7 @@ def compare(
         for (file, scene), each in zip(loaded.items(), found, strict=True)
         if each.refused is not None
     ]
-    # With some results the refused scenes are told after them, and the status says so.
+    # Refused scenes are reported after the results of the others.
     if not records:
         raise InputError("; ".join(refused))
     for path, write in ((json, write_json), (csv, write_csv)):
@@ -167,7 +167,7 @@ def demo(*, out: options.Out = options.OUT) -> int:
     from ..report.scene_report import report
 
     console = Console(soft_wrap=True)
-    # naive is there to fail: what is predicted of it stands behind the table.
+    # naive fails on purpose; its predicted faults are printed below the table.
     with warnings.catch_warnings(record=True) as said:
         agreements = options.Run(tuple(PRESETS), out=out).agreements(
             [*map(load_scene, _DEMO_SCENES)]
@@ -175,8 +175,8 @@ def demo(*, out: options.Out = options.OUT) -> int:
         records = [*map(results.record, agreements)]
     shown = [each for each in agreements if each.settings.name in _SHOWN]
     results.show(records, console)
-    console.print("Predicted before the runs:", *(f"  {each.message}" for each in said),
-                  sep="\n", markup=False, highlight=False)  # fmt: skip
+    predicted = "\n  ".join(["Predicted before the runs:", *(str(each.message) for each in said)])
+    console.print(predicted, markup=False, highlight=False)
     results.write_markdown(out / "demo.md", records)
     scenes, presets = " ".join(_DEMO_SCENES), ",".join(_SHOWN)
     command = f"{program()} report {scenes} --preset {presets} --film"

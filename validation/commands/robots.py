@@ -305,7 +305,7 @@ def steer(
         print(f"{hinge.name}: up to {rate:.3g} rad/s and {torque:.3g} N m")
     friction, torsion = theory.loads.sliding_friction, theory.loads.torsional_friction
     print(f"friction: up to {friction.max():.3g}, torsional {torsion.max():.3g} m")
-    # What a path needs is known only from its motion: loads follow from accelerations.
+    # Loads follow from accelerations, so they are known only from the motion.
     missing = steering.shortfalls(robot, theory, rate_limit)
     if off > _NEAR_PATH * wanted.length:
         missing.append(f"it leaves the path by {off:.2g} m")
@@ -326,7 +326,7 @@ def _path_of(shape: str, size: float, turns: float, through: str) -> "WantedPath
 
 
 def _points_of(text: str) -> list[tuple[float, float]]:
-    """Return the pairs X,Y of a text. Raises InputError where it holds anything else."""
+    """Return the pairs X,Y of a text. Raises InputError for other texts."""
     from robotball import InputError
 
     try:

@@ -94,7 +94,7 @@ def _cycle_cells(cycle: Cycle) -> _Cells:
 
 
 def _straight_cells(line: StraightMotion, name: str) -> _Cells:
-    # Where the largest real part is zero, the eigenvalues decide nothing.
+    # If the largest real part is zero, the eigenvalues do not decide the stability.
     rate = line.eigenvalues.real.max()
     kind = "neutral" if abs(rate) < _ROUNDING else "stable" if rate < 0 else "unstable"
     words = f"{kind},\n{'straight line' if line.speed else 'at rest'}"
@@ -269,7 +269,7 @@ def _rubber(scene: Scene, longest: float) -> Study:
         "Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."
     ]
     if lines:
-        shown.append(f"Straight-line motions are those with the scene's M² = {f:g} (kg m²/s)².")
+        shown.append(f"The straight-line motions have the M² of the scene, {f:g} (kg m²/s)².")
     # By the theorem of Poincaré and Hopf: a check that no point is missing.
     indices = f"The indices of the points add up to {index_sum(points)}"
     if circle is not None:

@@ -17,7 +17,7 @@ from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
 from robotball.robot.motors import Motor, Servo
 from robotball.robot.variations import scaled_body
-from validation.studies.timing import measure_costs, one_step
+from validation.studies.measuring import measure_costs, one_step
 from validation.study import Column, Row, show, table_of
 
 _MINIMAL = PRESETS["accurate"]

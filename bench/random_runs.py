@@ -38,8 +38,8 @@ from robotball.robot.motors import Servo
 from robotball.robot.variations import scaled, scaled_body, with_bodies
 from robotball.rotations import Array
 from validation.agreement import compare
+from validation.many_runs import random_start
 from validation.output import Show, known, progress_bar
-from validation.random_starts import random_start
 from validation.studies.extremes import WRONG
 
 _LONGEST = 100.0  # s

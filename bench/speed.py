@@ -26,7 +26,7 @@ from robotball.engines.mujoco.run import run
 from robotball.processes import Answer, at_most, cores, pool
 from robotball.theory.ensembles.orbits import orbits
 from validation.output import plain_table
-from validation.studies.timing import Cost, measure_costs, one_step, simulated_second
+from validation.studies.measuring import Cost, measure_costs, one_step, simulated_second
 
 _SCENES = ("fig12", "classical_regular")
 _ROUNDS = 9

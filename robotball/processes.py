@@ -48,7 +48,7 @@ _ONE_THREAD = dict.fromkeys(
 _FORKSERVER = multiprocessing.get_context("forkserver")
 _CHILDREN = threading.Lock()  # multiprocessing polls all processes when any thread starts one
 _MAX_STARTS = 10  # attempts to start a process that is killed before it is ready
-_IDLE = 60.0  # s without a job until a process ends, for example after a sweep on a dask worker
+_IDLE = 60.0  # s without a job until a process ends
 _GRACE = 1.0  # s for a process to end; then it is killed (compiled code writes no files)
 _LIMIT_PARTS = 20  # a limit is awaited in parts: if this process is suspended, one part is lost
 

@@ -215,8 +215,8 @@ print(before, *(getattr(rb, name).__module__ for name in rb._EVERYDAY), "compare
         "validation.agreement",
         "validation.results",
         "validation.agreement",
-        "validation.random_starts",
-        "validation.parameter_sweep",
+        "validation.many_runs",
+        "validation.many_runs",
         "True",
     ]
 

@@ -1,6 +1,6 @@
 """The `robotball` command: arguments in, exit status out.
 
-Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what the system refuses.
+Exit status: 0 agreement within the bound, 1 no agreement, 2 bad input or a refusal of the system.
 The module of a command is imported when that command is named.
 """
 
@@ -34,12 +34,12 @@ _INTERRUPTED = 130
 _AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another unit are meant
 # The headings of `--help`, and their commands, each after its module in `commands`.
 GROUPS = {
-    "Compare": "compare:compare report:report film:video film:view compare:demo scenes:scenes",
-    "Your own robot": "checking:check fitting:fit building:design building:steer",
-    "Engines and their settings": "study studies:engines scenes:export fitting:judge",
+    "Compare": "compare:compare compare:report film:video film:view compare:demo robots:scenes",
+    "Your own robot": "robots:check robots:fit robots:design robots:steer",
+    "Engines and their settings": "study studies:engines robots:export robots:judge",
     "How the ball moves": "dynamics",
 }
-# Commands of two words: what the first one is for, and the second ones.
+# Commands of two words: the help of the first word, and the second words.
 FAMILIES = {
     "study": (
         "Study an engine's settings: what each is worth, what accuracy costs, where they fail.",
@@ -61,15 +61,15 @@ _KINDS = {float: "a number", int: "a whole number"}
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
-    # A command loads a million objects, of which few are garbage: Python looks for them seldom, and
-    # not once more at the end, which together takes half a second.
+    # A command loads a million objects, few of them garbage. Rare collections, and none at the end,
+    # save half a second.
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
-    # A run's monitor reports what the engine would only log.
+    # The monitor of a run reports the warnings that MuJoCo would log.
     logging.getLogger("absl").setLevel(logging.ERROR)
-    # Once, as many runs of one scene would tell the same.
+    # Many runs of one scene would repeat a warning.
     warnings.simplefilter("once", SceneWarning)
-    warnings.filterwarnings("ignore", module="matplotlib")  # a picture is right, or a test fails
+    warnings.filterwarnings("ignore", module="matplotlib")  # tests check the pictures
     warnings.showwarning = _show_warning
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if _AS_GIVEN in arguments:
@@ -111,7 +111,7 @@ def parse(arguments: Sequence[str]) -> tuple[Any, BoundArguments]:
     if {"--help", "-h"}.isdisjoint(words):
         name = " ".join(["robotball", *words])
         raise InputError(f"which command? '{name} --help' lists them")
-    # The help says what each command does only when its module has been imported.
+    # The help needs the docstrings of the commands, so import their modules.
     app.parse_commands(bound.arguments["tokens"])[1][-1].resolved_commands()
     command(*bound.args, **bound.kwargs)
     sys.exit(0)
@@ -158,7 +158,7 @@ def _shown(default: object) -> str | None:
 
 
 def _words_of(error: CycloptsError) -> str:
-    """Return one line on what is wrong with the arguments, and what to do."""
+    """Return one line with the error in the arguments and the remedy."""
     command = " ".join(error.command_chain or ())
     more = f"'robotball {command} --help'"
     match error:
@@ -187,7 +187,7 @@ def _options_of(bound: BoundArguments) -> Iterator[tuple[str, Any]]:
 
 @contextlib.contextmanager
 def _standard_output_of(options: Mapping[str, Any]) -> Iterator[None]:
-    """Keep standard output for one result, where an option of a command is `-`.
+    """Keep standard output for one result if an option of a command is `-`.
 
     Tables and messages go to standard error then. Raises InputError for more than one such option,
     and, before any work, for a file that cannot be written.
@@ -206,7 +206,7 @@ def _standard_output_of(options: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _refusal(error: Exception) -> str | None:
-    """Return one line on what the input or the system refuses; None for an error of our own."""
+    """Return a line for bad input or a refusal of the system; None for an error of our own."""
     match error:
         case UnitWarning():
             return f"{error} ({_AS_GIVEN} takes it as it is written)"

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from cyclopts import Parameter, Token
 from cyclopts.exceptions import CoercionError
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
-# Of a judged trajectory: relative, of path, height, momentum and the hinges' rates; [rad] of the
-# attitude.
+# Largest errors of a trajectory that agrees: relative for path, height, momentum and hinge rates,
+# in rad for the attitude.
 TOLERANCE = 1e-2
 _QUICK = 1.0  # s, simulated by a quick form of a study
 
@@ -44,13 +44,6 @@ def _whole(_: type, tokens: Sequence[Token]) -> int:
 def _listed(_: type, tokens: Sequence[Token]) -> tuple[str, ...]:
     names = (name.strip() for token in tokens for name in token.value.split(","))
     return tuple(filter(None, names))
-
-
-def _numbers(kind: type, tokens: Sequence[Token]) -> tuple[float, ...]:
-    try:
-        return tuple(map(float, _listed(kind, tokens)))
-    except ValueError:
-        raise CoercionError(token=tokens[-1], target_type=float) from None
 
 
 def _check_file(_: type, path: Path | None) -> None:
@@ -76,7 +69,6 @@ _CONTROL = (
     "value. It replaces the control in the file. Give it once for each actuator."
 )
 _THREADS = "Cores to use. Default: all that are available. The results do not depend on it."
-_CLUSTER = "Scheduler of a dask cluster to run on instead of this machine."
 _PLACE = "Folder of the engines' environments. Default: that of 'robotball engines --install'."
 
 SceneName = Annotated[str, Parameter(help=_SCENE)]
@@ -89,11 +81,9 @@ CsvFile = Annotated[Path | None, _file("Also write the table as CSV")]
 PresetName = Literal["naive", "fast", "balanced", "accurate", "adaptive"]
 # An option takes one value, a list with commas, so that it never takes the scenes that follow.
 Names = Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="NAME,…")]
-Steps = Annotated[tuple[float, ...], Parameter(converter=_numbers, metavar="SECONDS,…")]
 Controls = Annotated[tuple[str, ...], Parameter(help=_CONTROL, metavar="NAME=VALUE|FILE")]
 Threads = Annotated[int | None, Parameter(help=_THREADS), _COUNT]
 Seed = Annotated[int, Parameter(help="Seed of the random starts."), _COUNT]
-Cluster = Annotated[str | None, Parameter(help=_CLUSTER, metavar="tcp://HOST:PORT")]
 Environments = Annotated[Path | None, Parameter(help=_PLACE, metavar="DIR")]
 _FLAT = Parameter(name="*")
 
@@ -104,7 +94,6 @@ class Sweep:
 
     workers: Annotated[int | None, _COUNT] = None
     """Number of processes. Default: one for each core."""
-    cluster: Cluster = None
     quick: bool = False
     """Run a coarse form of the study, in under a minute."""
     out: Annotated[Path, Parameter(metavar="DIR")] = OUT
@@ -114,30 +103,25 @@ class Sweep:
     def results(
         self, work: Work, cells: Sequence[Cell], journal: str, limit: float
     ) -> list[Result]:
-        """Sweep a study's runs, none of which may take longer than `limit` [s].
+        """Sweep the runs of a study, each within a time limit [s].
 
-        journal: the name, without its end, of the file that keeps the results for another time.
-        Raises InputError, before the first run, if the folder cannot be written.
+        `journal` is the name, without extension, of the file from which a later sweep continues.
+        Raises InputError before the first run if the folder cannot be written.
         """
         from .output import progress_bar, writable_folder
         from .sweeps import sweep
 
         writable_folder(self.out)
-        place: Any = {"workers": self.workers, "cluster": self.cluster}
+        file = self.out / f"{journal}.jsonl"
         with progress_bar(len(cells)) as show:
-            return sweep(
-                work, cells, self.out / f"{journal}.jsonl", limit=limit, show=show, **place
-            )
+            return sweep(work, cells, file, workers=self.workers, limit=limit, show=show)
 
     def present(self, study: Study, *words: str) -> int:
-        """Write a study's picture, data and table, and print it; return the exit status.
-
-        words: what the command's own options add to the files' names.
-        """
+        """Write and print a study; return the exit status. `words` are added to the file names."""
         from .output import write_record
         from .study import present
 
-        # A quick form's files must not take the place of the whole study's.
+        # The quick form must not overwrite the files of the whole study.
         stem = study.stem(*words, *["quick"] * self.quick)
         picture, json, csv = (self.out / f"{stem}.{end}" for end in ("png", "json", "csv"))
         print(*present(study, picture, json, csv), sep="\n")
@@ -152,7 +136,7 @@ SweepOptions = Annotated[Sweep, _FLAT]
 
 @dataclass(frozen=True)
 class Run:
-    """Options of a run by an engine."""
+    """Options of a run with an engine."""
 
     preset: Names = ()
     """Settings of the engine, one run for each: naive, fast, balanced (the default), accurate,
@@ -186,7 +170,7 @@ class Run:
         request = request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
         if self.environments is None:
             return request
-        # Only where an environment is asked for, as most commands need no adapter.
+        # Most commands need no adapter, so import it late.
         from robotball.engines.adapter import elsewhere
 
         return replace(request, engine=elsewhere(request.engine, self.environments))
@@ -253,10 +237,7 @@ OnceOptions = Annotated[Once, _FLAT]
 def present_once(
     study: Study, out: Path, json: Path | None, words: Sequence[str] = (), csv: Path | None = None
 ) -> int:
-    """Write a study's picture and data, and print it; return the exit status.
-
-    words: of the options, for the picture's name.
-    """
+    """Write and print a study; return the exit status. `words` are added to the picture's name."""
     from .study import present
 
     written = present(study, out / f"{study.stem(*words)}.png", json, csv)
@@ -266,9 +247,9 @@ def present_once(
 
 
 def chosen(kind: str, names: Sequence[str], known: Mapping[str, _T]) -> list[_T]:
-    """Return the named ones of what is known, each once, or all where no name is given.
+    """Return the values of distinct names, or all values without names.
 
-    Raises InputError for a name that is not known; kind: what the message calls it.
+    Raises InputError for an unknown name; `kind` describes it in the message.
     """
     from robotball.errors import unknown
 
@@ -297,14 +278,14 @@ def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:
     from robotball.errors import check_positive
 
     if duration is None:
-        # A duration that is given stands in the quick form, too.
+        # The quick form does not shorten a given duration.
         return _QUICK if quick else scene.duration
     check_positive("duration", duration, "s")
     return duration
 
 
 def times_of(duration: float | None) -> Array | None:
-    """Return sample times of a duration [s]; None, each scene's own, where none is given."""
+    """Return the sample times of a duration [s]; None for the duration of each scene."""
     from robotball import sample_times
 
     return None if duration is None else sample_times(duration)

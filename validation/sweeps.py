@@ -1,4 +1,4 @@
-"""Run many cells on this machine's cores or on a dask cluster, without losing results.
+"""Run many cells on this machine's cores without losing results.
 
 A cell is plain data. Each result is written to the sweep's journal immediately, as a line of JSON,
 so a killed sweep can be continued. Cells run in the processes of `robotball.processes`, which can
@@ -7,18 +7,14 @@ be killed at any time, even in compiled code, if a cell exceeds its time limit.
 
 import fcntl
 import json
-import logging
-import multiprocessing
 import os
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, partial
-from importlib import import_module
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -31,7 +27,7 @@ from robotball.files import readable
 from robotball.files.json_text import json_text
 from robotball.files.replacing import no_regular_file
 from robotball.motion import versions
-from robotball.processes import Answer, EndedError, Worker, cores, pool
+from robotball.processes import Answer, EndedError, cores, pool
 
 from .output import Show, writable_file
 
@@ -66,7 +62,6 @@ def sweep(
     file: Path,
     *,
     workers: int | None = None,
-    cluster: str | None = None,
     limit: float | None = None,
     show: Show = lambda *_: None,
 ) -> list[Result]:
@@ -87,8 +82,6 @@ def sweep(
         to run all, for example after a change of the work.
     workers : int, optional
         The number of processes on this machine. The default is the number of available cores.
-    cluster : str, optional
-        The tcp:// address of a dask scheduler to use instead. Its workers need the same packages.
     limit : float, s, optional
         The time limit of a cell, without the time in which the machine sleeps.
     show : callable
@@ -98,14 +91,11 @@ def sweep(
     ------
     InputError
         If cells are not distinct plain data, if the journal is from another work or other versions
-        or cannot be read or written, if no process starts, or if the cluster does not answer or
-        loses its workers.
+        or cannot be read or written, or if no process starts.
     """
     distinct = _distinct(cells)
     if limit is not None:
         check_positive("limit", limit, "s")
-    if cluster is not None and workers is not None:
-        raise InputError("a cluster has its own workers: give one of workers and cluster")
     count = cores() if workers is None else check_count("workers", workers, 1)
     with _journal(file, work) as kept:
         missing = [cell for key, cell in distinct.items() if key not in kept.results]
@@ -113,13 +103,8 @@ def sweep(
         before = [kept.results[key] for key in distinct if key in kept.results]
         report = _reporter(show, before, len(cells))
         if missing:
-            with (
-                _local_cores(work, limit, min(count, len(missing)))
-                if cluster is None
-                else _cluster(work, limit, cluster)
-            ) as place:
-                for line in place.lines(missing):
-                    report(kept.add(line))
+            for line in _lines(work, missing, limit, min(count, len(missing))):
+                report(kept.add(line))
         return [kept.results[key] for key in distinct]
 
 
@@ -306,81 +291,38 @@ def _check_header(line: bytes, ours: dict[str, Any], path: Path) -> None:
             )
 
 
-_CHECK = 5.0  # s without results after which a place is checked
-_ANSWER = 4.0  # s that a scheduler may take to answer
-_ABSENCE = 30.0  # s without dask workers, longer than a nanny takes to restart one
-_WINDOW = 1000  # cells submitted to a scheduler at once, more than it has threads
-
-
-@dataclass(frozen=True)
-class _Place:
-    """A place where cells run.
-
-    Attributes
-    ----------
-    name : str
-        The name in messages.
-    limit : float, s, or None
-        The time limit of a cell.
-    window : int
-        The number of cells to submit at once, enough to keep all processes busy.
-    submit : callable
-        Submits a cell to a process that runs `_result_line`.
-    check : callable
-        Raises InputError if results can no longer arrive.
-    """
-
-    name: str
-    limit: float | None
-    window: int
-    submit: Callable[[Cell], "Future[Answer]"]
-    check: Callable[[], None] = lambda: None
-
-    def lines(self, cells: Sequence[Cell]) -> Iterator[str]:
-        """Yield the results of the cells as soon as they are known.
-
-        A process may die because all cells together need too much memory. So its cell is run again
-        alone when the others are done. Raises InputError if cells cannot be run.
-        """
-        died_cells = []
-        for cell, line, died in self._outcomes(cells):
-            if died:
-                died_cells.append(cell)
-            else:
-                yield line
-        for cell in died_cells:
-            for _, line, _ in self._outcomes([cell]):
-                yield line
-
-    def _outcomes(self, cells: Sequence[Cell]) -> Iterator[tuple[Cell, str, bool]]:
-        """Yield the cells with their results, and whether a process died."""
-        waiting = iter(cells)
-        running = {self.submit(cell): cell for cell in islice(waiting, self.window)}
+def _lines(work: Work, cells: Sequence[Cell], limit: float | None, count: int) -> Iterator[str]:
+    """Run cells in `count` processes and yield their results as soon as they are known."""
+    with pool(partial(_result_line, work), count) as submit:
+        waiting, died = iter(cells), []
+        # Two cells for each process keep all of them busy.
+        running = {submit(cell, limit): cell for cell in islice(waiting, 2 * count)}
         while running:
-            finished, _ = wait(running, _CHECK, FIRST_COMPLETED)
-            if not finished:
-                self.check()
-            for future in finished:
+            for future in wait(running, return_when=FIRST_COMPLETED)[0]:
                 cell = running.pop(future)
-                yield cell, *self._outcome(cell, future)
-            running |= {self.submit(cell): cell for cell in islice(waiting, len(finished))}
+                try:
+                    yield _line_of(future, cell, limit)
+                except EndedError:
+                    died.append(cell)
+                running |= {submit(cell, limit): cell for cell in islice(waiting, 1)}
+        # All cells together may have needed too much memory, so these run again one at a time.
+        for cell in died:
+            try:
+                yield _line_of(submit(cell, limit), cell, limit)
+            except EndedError as ended:
+                yield _to_line(cell, None, _death(ended.status or 0))
 
-    def _outcome(self, cell: Cell, future: "Future[Answer]") -> tuple[str, bool]:
-        try:
-            return future.result()[0], False
-        except EndedError as ended:
-            if ended.status is None:
-                return _to_line(cell, None, f"{_OUTLASTED} {self.limit:g} s"), False
-            return _to_line(cell, None, _death(ended.status)), True
-        except CancelledError:  # dask's scheduler does not answer
-            raise InputError(
-                f"{self.name} does not answer: restart it, then repeat the command to continue"
-            ) from None
-        except ChildProcessError as error:
-            raise InputError(f"no cells can run on {self.name}: {_reason(error)}") from None
-        # dask reports workers that left or were killed with many types of exceptions.
-        except Exception as error:
-            return _to_line(cell, None, _reason(error)), True
+
+def _line_of(future: Future[Answer], cell: Cell, limit: float | None) -> str:
+    """Return the result of a cell. Raises EndedError if its process died."""
+    try:
+        return future.result()[0]
+    except EndedError as ended:
+        if ended.status is not None:
+            raise
+        return _to_line(cell, None, f"{_OUTLASTED} {limit:g} s")
+    except ChildProcessError as error:
+        raise InputError(f"no cells can run on the local cores: {_reason(error)}") from None
 
 
 def _death(status: int) -> str:
@@ -399,84 +341,3 @@ def _result_line(work: Work, cell: Cell) -> str:
     # Libraries may call sys.exit; only Ctrl-C must end the sweep.
     except (Exception, SystemExit) as error:
         return _to_line(cell, None, _reason(error))
-
-
-@contextmanager
-def _local_cores(work: Work, limit: float | None, count: int) -> Iterator[_Place]:
-    """Provide `count` processes of this machine, which end with the block."""
-    with pool(partial(_result_line, work), count) as submit:
-        yield _Place("the local cores", limit, 2 * count, lambda cell: submit(cell, limit))
-
-
-@contextmanager
-def _cluster(work: Work, limit: float | None, address: str) -> Iterator[_Place]:
-    """Provide the workers of the scheduler at `address`, with one process per thread.
-
-    The processes protect the dask workers from cells that exceed the limit or end their process.
-    Raises InputError if dask is not installed, if no scheduler answers, or if the workers have
-    other versions; the check of the place raises it if all workers have left.
-    """
-    try:
-        distributed = import_module("distributed")  # it has no type hints
-    except ImportError:
-        raise InputError(
-            "a cluster needs dask: pip install '.[cluster]' in a checkout of robotball"
-        ) from None
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # our message has one line
-    try:
-        client = distributed.Client(address, timeout=_ANSWER, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(
-            f"no dask scheduler answers at {address}: {_reason(error)}; give the address that "
-            "`dask scheduler` prints, such as tcp://127.0.0.1:8786"
-        ) from None
-
-    def check() -> None:
-        try:
-            client.wait_for_workers(1, timeout=_ABSENCE)
-        except OSError:  # as a TimeoutError is
-            raise InputError(
-                f"all workers of {address} have left: start workers, then repeat the command"
-            ) from None
-
-    with client:
-        _check_workers(client, address, work)
-        # Otherwise dask would not run a cell twice if its process died.
-        executor = client.get_executor(pure=False)
-        submit = partial(executor.submit, _answer, work, limit=limit)
-        yield _Place(address, limit, _WINDOW, submit, check)
-
-
-def _check_workers(client: Any, address: str, work: Work) -> None:
-    try:
-        workers = client.run(_versions_beside, work)
-    except Exception as error:
-        raise InputError(
-            f"the workers at {address} cannot run robotball: {_reason(error)}; install it there"
-        ) from None
-    if not workers:
-        raise InputError(f"{address} has no workers: start them with `dask worker {address}`")
-    for worker, theirs in workers.items():
-        for part, ours in versions().items():
-            if theirs[part] != ours:
-                raise InputError(
-                    f"worker {worker} has {part} {theirs[part]}, but {ours} is running here: "
-                    "install the same version there"
-                )
-
-
-def _versions_beside(_: Work) -> dict[str, str]:
-    """Return the versions of a dask worker; passing the work checks that it can be imported."""
-    return versions()
-
-
-def _answer(work: Work, cell: Cell, limit: float | None) -> Answer:
-    """Run a cell in the process of this thread of a dask worker."""
-    # Daemons must not start processes, and dask workers are daemons. Our processes end with them.
-    multiprocessing.current_process().daemon = False
-    return _worker_of(work, threading.get_ident()).answer(cell, limit)
-
-
-@cache
-def _worker_of(work: Work, _thread: int) -> Worker:
-    return Worker(partial(_result_line, work))

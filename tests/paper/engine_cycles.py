@@ -1,18 +1,26 @@
-"""Periodic motions of MuJoCo's map."""
+"""The map of MuJoCo over a stretch of time: its tangent, exponents and periodic motions."""
 
 from collections.abc import Callable
 from functools import partial, reduce
 
 import numpy as np
 
-from robotball.dynamics.cycles import Cycle, by_turn, level_vectors, multipliers_of, tangent
+from robotball.dynamics.cycles import (
+    Cycle,
+    by_turn,
+    level_vectors,
+    multipliers_of,
+    tangent,
+)
+from robotball.dynamics.long_run import Exponents, exponents_of
 from robotball.dynamics.sections import Crossings, crossings_of_motion, own_start
 from robotball.engines.mujoco.model import Model
 from robotball.errors import InputError
-from robotball.rotations import Array, turned
-from robotball.theory.ensembles.orbits import angular_velocity, orbit
+from robotball.robot.formulas import Parameters
+from robotball.rotations import Array, multiply, turned
+from robotball.theory.ensembles.orbits import angular_velocity, orbit, orbits
 from validation.studies.contact_sections import each_step, sound_run
-from validation.studies.contact_tangent import rolled
+from validation.studies.long_runs import Growth
 
 _ITERATIONS = 30  # of Newton's method
 _CLOSED = 1e-9  # tolerance of γ and M/|M|
@@ -21,6 +29,51 @@ _BLIND = 1e-7  # relative error of the map's derivative
 Followed = tuple[Array, Array, Array, Array]
 """Ends of n segments: attitudes (n, 4), monodromies (n, 3, 3), the logarithms of their determinants
 (n,), and angular velocities (n, 3) in frame axes [rad/s]."""
+
+
+def rolled(model: Model, duration: float, attitudes: Array, momenta: Array) -> tuple[Array, Array]:
+    """Roll the ball with MuJoCo for a duration [s], and return attitudes (m, 4) and M (m, 3).
+
+    `attitudes` of the principal axes and `momenta` in the world are the starts. Raises InputError
+    if a run has a fault.
+    """
+    ends, times = [], np.array([0.0, duration])
+    for q, M in zip(attitudes, momenta, strict=True):
+        motion = sound_run(model, own_start(model.scene, q, M), times)
+        ends.append((motion.attitude[-1], motion.momentum[-1]))
+    last, M = map(np.array, zip(*ends, strict=True))
+    return multiply(last, model.scene.principal_quaternion), M
+
+
+def integrated(
+    parameters: Parameters, duration: float, attitudes: Array, momenta: Array
+) -> tuple[Array, Array]:
+    """Integrate the equations for a duration [s], like `rolled`."""
+    times = np.array([0.0, duration])
+    return orbits(parameters, attitudes, momenta, times).attitudes[:, -1], momenta
+
+
+def by_equations(growth: Growth, parameters: Parameters, momenta: Array) -> tuple[Array, float]:
+    """Return `logarithms` and the mean divergence [1/s] of the equations, for momenta (n, 3).
+
+    Every stretch begins with the same states and deviations as in the growth.
+    """
+    states = growth.attitudes.reshape(-1, 4), momenta.repeat(growth.along.shape[1], axis=0)
+    along = growth.along.reshape(-1, *growth.along.shape[2:])
+    images = tangent(partial(integrated, parameters, growth.stretch), *states, along)[1]
+    # The means begin as soon as they may.
+    divergence = exponents_of(parameters, *states, growth.stretch, transient=1e-9).divergence
+    R = np.linalg.qr(images)[1]
+    logarithms = np.log(np.abs(np.diagonal(R, axis1=1, axis2=2))).reshape(growth.logarithms.shape)
+    return logarithms, float(divergence.mean())
+
+
+def ends_of(growth: Growth, last: int) -> Exponents:
+    """Return the first exponent in two halves of the time, and the divergence."""
+    parts = np.array_split(growth.logarithms[:, :, 0] / growth.stretch, 2, axis=1)
+    halves = np.stack([part.mean(axis=1) for part in parts], axis=1)
+    divergence = halves.mean(axis=1) + growth.spectra[:, last:].sum(axis=1)
+    return Exponents(halves, divergence, growth.logarithms.shape[1] * growth.stretch)
 
 
 def contact_cycle(model: Model, cycle: Cycle, parts: int = 1) -> Cycle:

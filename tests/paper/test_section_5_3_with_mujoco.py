@@ -32,10 +32,10 @@ from tests.paper.clouds import (
     rank_probability,
 )
 from tests.paper.drifts import drift
-from tests.paper.engine_cycles import contact_cycle, cycle_crossings
+from tests.paper.engine_cycles import by_equations, contact_cycle, cycle_crossings, ends_of, rolled
 from tests.paper.formulas import paper_scene
 from validation.studies.contact_sections import level_starts, sound_run
-from validation.studies.contact_tangent import growths, rolled
+from validation.studies.long_runs import growths
 from validation.study import compiled_motion
 
 F = 25.0  # (kg m²/s)²
@@ -151,7 +151,7 @@ def test_mujoco_has_the_exponents_of_the_equations(
     brought = orbits(ball, attitudes, momenta, times, LONG_RUN_TOLERANCE).attitudes[:, -1]
     flow = partial(rolled, build(scene, settings), STRETCH)
     growth = growths(scene, flow, STRETCH, 20, 100, (brought, momenta))
-    logarithms, divergence = growth.by_equations(ball)
+    logarithms, divergence = by_equations(growth, ball, momenta)
     along, ours = (logs.mean(axis=(0, 1)) / STRETCH for logs in (logarithms, growth.logarithms))
     # Measured 4e-7 to 7e-7 (regular) and 2.1e-5 (chaotic): MuJoCo's steps.
     assert np.abs(ours - along).max() < bound
@@ -159,7 +159,7 @@ def test_mujoco_has_the_exponents_of_the_equations(
     assert ours.sum() == pytest.approx(divergence, abs=2e-3)
     if count > 1:
         exact = long_run.exponents_of(ball, *level_starts(scene, 64, seed=1), 1e4)
-        ends = growth.ends(last)
+        ends = ends_of(growth, last)
         for mean, error, other in zip(ends.mean, ends.error, exact.mean, strict=True):
             assert abs(mean - other) < 5 * error  # measured 1.7 standard errors
 

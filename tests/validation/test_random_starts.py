@@ -1,26 +1,24 @@
-"""Many random starts have the errors of single comparisons, on one machine or a cluster."""
+"""Many random starts have the errors of single comparisons."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines.engine import request_of
 from robotball.processes import at_most
-from tests.messages import naming
-from tests.robotball.scene_files.scene_texts import PLATE
-from validation import ManyRuns, compare, compare_many, random_starts
-from validation.study import scene_cell
-from validation.sweeps import Result, sweep
+from tests.messages import unnamed
+from validation import ManyRuns, compare, compare_many, many_runs
+from validation.cli import main
 
 TIMES = rb.sample_times(1.0)
 
 
 def starts_of(scene: rb.Scene, count: int) -> list[rb.Start]:
     randoms = (np.random.default_rng([7, i]) for i in range(count))
-    return [random_starts.random_start(scene, random) for random in randoms]
+    return [many_runs.random_start(scene, random) for random in randoms]
 
 
 # Compiled steps of both models; single integrations with a changing drive, and of general robots.
@@ -35,7 +33,7 @@ def test_errors_equal_the_errors_of_single_comparisons(name: str) -> None:
         rows = compare_many(scene, starts, TIMES, settings="fast").rows
     for row, start in zip(rows, starts, strict=True):
         one = compare(replace(scene, start=start), TIMES, settings="fast")
-        for error in random_starts.ERRORS:
+        for error in many_runs.ERRORS:
             assert row[error] == pytest.approx(getattr(one, error), rel=3e-8)
         assert (row["fault"], row["agrees"]) == (None, True)
 
@@ -46,7 +44,7 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
     found = compare_many(scene, starts_of(scene, 3), TIMES, settings=slippery)
     none = found.summary("path_error")
     assert none["faulty"] == 3
-    assert {none[name] for name in random_starts.PERCENTILES} == {None}
+    assert {none[name] for name in many_runs.PERCENTILES} == {None}
     row = {"path_error": 1.0, "fault": None, "agrees": True, "seconds": 1.0}
     rows = tuple(row | {"path_error": float(i)} for i in range(101))
     broken = row | {"path_error": None, "fault": "SLIPPED"}
@@ -55,65 +53,22 @@ def test_a_broken_run_is_counted_and_has_no_error() -> None:
     assert ManyRuns((*rows, broken)).summary("path_error") == counts | percentiles
 
 
-def whole() -> dict[str, Any]:
-    more = {"engine": "mujoco", "preset": "fast", "keep_going": False, "environments": None}
-    return scene_cell("fig12", 0.5) | more | {"seed": 3, "device": None}
+def test_a_start_depends_on_its_number_alone() -> None:
+    """So more starts of the same seed continue the fewer ones."""
+    scene, request = rb.load_scene("fig12"), request_of("mujoco", "fast")
+    few, many = (many_runs.random_runs(scene, count, 0.5, request, seed=3).rows for count in (2, 3))
+    assert [{**row, "seconds": 0.0} for row in few] == [{**row, "seconds": 0.0} for row in many[:2]]
 
 
-def test_a_cell_depends_on_the_values_of_its_controls(tmp_path: Path) -> None:
-    """So a journal cannot mix results of two tables with the same name."""
-    robot, table = tmp_path / "mybot.xml", tmp_path / "fly.csv"
-    robot.write_text(PLATE)
-    cells = []
-    for end in (20, 30):
-        table.write_text(f"t,value\n0,0\n1,{end}\n")
-        cells.append(scene_cell(str(robot), 0.5, [f"fly={table}"]))
-    first, other = cells
-    assert first["control"] == [f"fly={table}"]
-    assert first | {"digest": other["digest"]} == other != first
-    assert "control" not in scene_cell("fig12", 0.5)
-
-
-def without_seconds(rows: Any) -> list[dict[str, Any]]:
-    return [{**row, "seconds": 0.0} for row in rows]
-
-
-def test_cells_are_parts_of_the_whole() -> None:
-    """A start depends on its number alone, so cells on a cluster have the same runs."""
-    alone = random_starts.of_cell(whole() | {"first": 0, "count": 5})["rows"]
-    parts = [whole() | {"first": i, "count": count} for i, count in ((0, 2), (2, 3))]
-    rows = [row for each in parts for row in random_starts.of_cell(each)["rows"]]
-    assert without_seconds(rows) == without_seconds(alone)
-
-
-def test_a_cell_finds_its_engine_in_the_environments(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_random_starts_run_in_the_environments(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """It works like `compare --environments` for a single run."""
     looked: list[Path] = []
     monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
     monkeypatch.setattr("robotball.engines.adapter.interpreter_of", looked.append)
-    cell = whole() | {"engine": "dart", "preset": "best", "environments": "elsewhere"}
-    with pytest.raises(rb.InputError, match=naming("DART")):
-        random_starts.of_cell(cell | {"first": 0, "count": 1})
+    words = "compare fig12 --starts 1 --engine dart --preset best --environments elsewhere"
+    with pytest.raises(SystemExit):
+        main(words.split())
+    assert unnamed("DART", capsys.readouterr().err) == []
     assert looked == [Path("elsewhere/dart")]
-
-
-@pytest.mark.slow
-def test_a_cluster_gives_the_same_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cells have two starts; a failed cell is refused with its reason.
-
-    A process of this machine replaces the cluster.
-    """
-    addresses: list[str] = []
-
-    def local(*of: Any, cluster: str, **more: Any) -> list[Result]:
-        addresses.append(cluster)
-        return sweep(*of, workers=1, **more)
-
-    monkeypatch.setattr(random_starts, "sweep", local)
-    monkeypatch.setattr(random_starts, "_CELL", 2)
-    here, there = (random_starts.many_runs(whole(), 5, at, tmp_path) for at in (None, "tcp://a:1"))
-    assert without_seconds(there.rows) == without_seconds(here.rows)
-    assert len((tmp_path / "starts.jsonl").read_text().splitlines()) == 1 + 3
-    with pytest.raises(rb.InputError, match=naming("scene 'nowhere'")):
-        random_starts.many_runs(whole() | {"scene": "nowhere"}, 1, "tcp://a:1", tmp_path)
-    assert addresses == ["tcp://a:1"] * 2

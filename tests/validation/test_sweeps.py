@@ -1,6 +1,6 @@
 """Sweeps lose no result, repeat no cell, and survive the failure of a cell.
 
-They survive processes that end, hang or stop, locally and on a dask cluster. A journal has whole
+They survive processes that end, hang or stop. A journal has whole
 lines of one work and one set of versions, and one sweep writes it at a time.
 """
 
@@ -14,7 +14,7 @@ import signal
 import sys
 import time
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -99,7 +99,6 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers
         (({1},), {}, "cell JSON"),
         ((1,), {"workers": 0}, "workers 1 0"),
         ((1,), {"limit": 0.0}, "limit 0~s"),
-        ((1,), {"workers": 2, "cluster": "tcp://a:1"}, "workers cluster"),
     ],
 )
 def test_unusable_input_is_refused(
@@ -337,64 +336,3 @@ def test_a_work_that_no_process_can_load_is_refused(
     with pytest.raises(InputError, match=naming("cells cores ChildProcessError")):
         sweep(module.work, cells_of(tmp_path, 3), file)
     assert lines_of(file) == []
-
-
-# A dask cluster --------------------------------------------------------------------------------
-
-
-NOWHERE = "tcp://127.0.0.1:1"
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
-    """Start two workers with a nanny each, like `dask worker` does."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
-        yield cluster
-
-
-@pytest.mark.slow
-def test_a_cluster_gives_the_same_results(tmp_path: Path, file: Path, cluster: Any) -> None:
-    """Records and failures equal the results of local cores, also if continued."""
-    cells = cells_of(tmp_path, 8, {2: "raises", 5: "ends", 7: "hangs"})
-    local = sweep(square, cells, tmp_path / "local.jsonl", workers=WORKERS, limit=1.5)
-    assert failures(local).keys() == {2, 5, 7}
-    sweep(square, cells[:3], file, cluster=cluster.scheduler_address)
-    assert sweep(square, cells, file, cluster=cluster.scheduler_address, limit=1.5) == local
-
-
-@pytest.mark.slow
-def test_a_sweep_ends_if_all_workers_of_the_cluster_leave(
-    tmp_path: Path, file: Path, cluster: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The message has one line, and finished results are kept."""
-    monkeypatch.setattr("validation.sweeps._CHECK", 0.2)
-    monkeypatch.setattr("validation.sweeps._ABSENCE", 0.5)
-    address = cluster.scheduler_address
-
-    def leave(done: float, message: str) -> None:
-        if done == 3:
-            cluster.scale(0)
-
-    cells = cells_of(tmp_path, 50, seconds=0.5)
-    with pytest.raises(InputError, match=naming(f"workers {address} left")):
-        sweep(square, cells, file, cluster=address, show=leave)
-    assert len(lines_of(file)) >= 3
-    with pytest.raises(InputError, match=naming(f"{address} workers dask~worker")):
-        sweep(square, cells, file, cluster=address)
-
-
-def test_a_cluster_that_does_not_answer_is_refused(
-    tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Without dask, the message has the command that installs the extra."""
-    with monkeypatch.context() as without:
-        without.setitem(sys.modules, "distributed", None)
-        with pytest.raises(InputError, match=r"pip install '\.\[cluster\]'"):
-            sweep(square, cells_of(tmp_path, 1), file, cluster=NOWHERE)
-    pytest.importorskip("distributed")
-    monkeypatch.setattr("validation.sweeps._ANSWER", 0.5)
-    with pytest.raises(InputError, match=naming(f"dask scheduler {NOWHERE}")):
-        sweep(square, cells_of(tmp_path, 1), file, cluster=NOWHERE)

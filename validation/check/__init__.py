@@ -1,4 +1,4 @@
 """Check a user's own robot file: `observe` it, `propose` changes, `ablate` them, `say` the result.
 
-`ablate.check_model` runs the first three. `unusual` has numbers that the author may not have meant.
+`ablate.check_model` runs the first three.
 """

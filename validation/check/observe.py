@@ -6,7 +6,7 @@ the same motors, springs and friction, for the rolling model that is nearer.
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
@@ -17,15 +17,18 @@ from robotball import InputError, Scene, integrate
 from robotball.engines.mujoco.user_model import Symptoms, UserModel, observed
 from robotball.errors import SceneWarning
 from robotball.motion import ContactMotion, ReferenceMotion
-from robotball.robot.drives import Constant, Drive
+from robotball.robot.drives import Constant, Drive, as_drive
 from robotball.robot.formulas import Rolling
+from robotball.robot.scene import DOWN, GRAVITY
 from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.user_model.robot_file import gears_of, rolling_of
 
 from ..output import Show
-from .unusual import unusual_numbers
 
+_GRAVITY = 0.02  # relative difference from the Earth: a smaller one is usual
+_ROLLING_FRICTION = 0.1  # of the radius: less is usual
+_SMALL_GEAR = 0.01  # larger ones are usual
 _INTERVAL = 0.01  # s between compared samples; at least one step
 _READ_INTERVAL = 1e-3  # s between states whose contacts are read; at least one step
 _SHORTEST_STEP = 1e-7  # s: with a shorter timestep a check takes many minutes
@@ -260,3 +263,43 @@ def _at_rest(user: UserModel) -> bool:
         return False
     path = user.path(step * round(1 + 0.1 / step) * np.arange(20))
     return bool(np.nanmax(np.abs(path[:, :2])) < _AT_REST * user.robot.radius)
+
+
+def unusual_numbers(user: UserModel, scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield each unusual setting, and its number beside the usual one.
+
+    Settings that affect the whole robot come first.
+    """
+    if abs(scene.gravity / GRAVITY - 1) > _GRAVITY:
+        yield "gravity", f"{scene.gravity:g} m/s²; the Earth has {GRAVITY:g} m/s²"
+    level = np.allclose(user.robot.plane_axes(user.begin()), np.eye(3))
+    if level and scene.gravity_direction != DOWN:
+        tilt = np.degrees(np.arccos(-scene.gravity_direction[2]))
+        yield "gravity", f"tilted by {tilt:.3g} deg, above a level plane"
+    rolling, radius = scene.friction.rolling, scene.ball.radius
+    if rolling > _ROLLING_FRICTION * radius:
+        words = f"declared rolling friction is {rolling:g} m, {rolling / radius:.0%} of the radius"
+        yield "resistance", words
+    yield from _unusual_gears(scene)
+
+
+def _unusual_gears(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield tiny gears, and gears with a lasting torque that no weight inside can balance."""
+    inside = {link.name: link for link in scene.ball.tree[1:]}
+    levers = sum(link.mass * float(np.linalg.norm(link.centre)) for link in inside.values())
+    times = np.linspace(0.0, scene.duration, 101)
+    for actuator in scene.actuators:
+        law, command = actuator.law, as_drive(actuator.command, scene.duration)
+        # The torque of a servo falls with its error; the torque of a motor lasts.
+        lasts = not (law.per_angle or law.per_rate)
+        torque = float(np.abs(law.torque(command.rate(times), 0.0, 0.0)).max())
+        for name, gear in actuator.gears:
+            slides = inside[name].slides
+            load, unit = torque * abs(gear), "N" if slides else "N m"
+            weight = scene.gravity * (inside[name].mass if slides else levers)
+            if lasts and load > weight > 0:
+                words = f"exerts {load:.3g} {unit} on {name} with a gear of {gear:g}; the weights "
+                words += f"exert at most {weight:.3g} {unit}"
+                yield "gear", f"{actuator.name} {words}"
+            elif 0 < abs(gear) <= _SMALL_GEAR:
+                yield "gear", f"{actuator.name} moves {name} with a gear of only {gear:g}"

@@ -91,7 +91,7 @@ def collisions(seen: Observation) -> Iterator[str]:
         yield f"{a} touches {b} in {part:.0%} of the steps"
 
 
-class Gain(NamedTuple):
+class _Gain(NamedTuple):
     """A velocity gain too high for an explicit integrator: kv·gear²·dt/I, and its stable limit."""
 
     number: float
@@ -99,7 +99,7 @@ class Gain(NamedTuple):
     words: str
 
 
-def too_high_gain(user: UserModel) -> Gain | None:
+def too_high_gain(user: UserModel) -> _Gain | None:
     """Return the highest velocity gain at which the integrator is unstable, if any.
 
     I is the inertia that the actuator moves at the start.
@@ -122,7 +122,7 @@ def too_high_gain(user: UserModel) -> Gain | None:
             factors = f"{kv:.3g}·{gear:.3g}²·{step:.3g}/{gear**2 / mobility:.3g}"
             words = f"{name}: kv·gear²·dt/I = {factors} = {number:.3g}; "
             words += f"{integrator.name} is stable below {limit:.3g}"
-            gains.append(Gain(number, limit, words))
+            gains.append(_Gain(number, limit, words))
     return max(gains, default=None)
 
 

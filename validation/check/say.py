@@ -21,9 +21,8 @@ from .. import report
 from ..output import known, panels, scientific
 from ..study import Column, Study, table_of
 from .ablate import Checked
-from .observe import distances
+from .observe import distances, unusual_numbers
 from .propose import collisions
-from .unusual import unusual_numbers
 
 COLUMNS = (
     Column("change", "change", words=True),

@@ -1,20 +1,24 @@
-"""The commands `compare` and `demo`, which compare an engine's motion with the equations'.
+"""The commands `compare`, `demo` and `report`.
 
 Imports stand within the functions: drawing begins in other processes before the slow ones.
 """
 
+import shlex
 import sys
+import tempfile
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from .. import options
 
 _DEMO_SCENES = ("fig12", "classical_regular")
-_SHOWN = ("naive", "balanced")  # on the page and in the film: what a wrong setting looks like
+_FILM = (360, 640)  # px, height and width: the page stays below six megabytes
+_MOST_NAMES = 80  # characters of a file name that scenes may take
+_SHOWN = ("naive", "balanced")  # on the page and in the film, to show a wrong setting
 
 
 def compare(
@@ -26,7 +30,6 @@ def compare(
     csv: options.CsvFile = None,
     starts: options.Count | None = None,
     seed: options.Seed = 0,
-    cluster: options.Cluster = None,
     device: Annotated[str | None, Parameter(metavar="cpu|cuda")] = None,
 ) -> int:
     """Run scenes with an engine and with the equations, and say how far apart they are.
@@ -45,7 +48,7 @@ def compare(
         Where an engine that steps many balls at once (newton, mjx, mujoco-warp) runs them.
     """
     if starts is not None:
-        return _many(scenes, run, starts, {"device": device, "seed": seed}, cluster, json, csv)
+        return _many(scenes, run, starts, device, seed, json, csv)
     from ..plots import prepare_drawing
 
     if plots:  # before the imports that take longest
@@ -60,8 +63,8 @@ def compare(
     from ..results import OWN_FILE, scenes_of, show, write_csv, write_json
 
     # An option without an effect is refused, lest its user rely on it.
-    if seed or cluster or device:
-        raise InputError("--seed, --cluster and --device are for random starts: give --starts")
+    if seed or device:
+        raise InputError("--seed and --device are for random starts: give --starts")
     if not scenes:
         raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
     requests = [partial(run.request, name) for name in run.presets]
@@ -82,7 +85,7 @@ def compare(
         for (file, scene), each in zip(loaded.items(), found, strict=True)
         if each.refused is not None
     ]
-    # With some results the refused scenes are told after them, and the status says so.
+    # Refused scenes are reported after the results of the others.
     if not records:
         raise InputError("; ".join(refused))
     for path, write in ((json, write_json), (csv, write_csv)):
@@ -106,35 +109,30 @@ def _many(
     names: tuple[str, ...],
     run: options.Run,
     starts: int,
-    same: dict[str, Any],
-    cluster: str | None,
+    device: str | None,
+    seed: int,
     json: Path | None,
     csv: Path | None,
 ) -> int:
     from robotball import InputError
     from robotball.errors import check_count
 
-    from ..random_starts import ERRORS, PERCENTILES, many_runs
-    from ..study import Column, Study, present, scene_cell, table_of
+    from ..many_runs import ERRORS, PERCENTILES, random_runs
+    from ..study import Column, Study, present, table_of
 
     rows, runs = [], {}
     check_count("starts", starts, 1)
-    check_count("seed", same["seed"], 0)
+    check_count("seed", seed, 0)
     if run.accuracy is not None or run.strict:
         raise InputError("random starts run with presets: leave out --accuracy and --strict")
-    folder = run.environments
-    same |= {"engine": run.engine, "keep_going": run.keep_going}
-    same |= {"environments": None if folder is None else str(folder.absolute())}
-    if run.controller is not None:
-        same["controller"] = str(Path(run.controller).absolute())
-    requested = [run.request(name).name for name in run.presets]
-    for name, preset in product(names, requested):
-        seconds = options.seconds_of(run.duration, quick=False, scene=run.scene(name))
-        cell = scene_cell(name, seconds, run.control) | same | {"preset": preset}
-        found = many_runs(cell, starts, cluster, run.out)
-        runs[f"{name}, {preset}"] = found.rows
+    requests = [run.request(name) for name in run.presets]
+    for name, request in product(names, requests):
+        scene = run.scene(name)
+        seconds = options.seconds_of(run.duration, quick=False, scene=scene)
+        found = random_runs(scene, starts, seconds, request, seed=seed, device=device)
+        runs[f"{name}, {request.name}"] = found.rows
         for error in ERRORS:
-            of = {"scene": name, "preset": preset, "error": error.replace("_", " ")}
+            of = {"scene": name, "preset": request.name, "error": error.replace("_", " ")}
             rows.append({**of, **found.summary(error)})
     columns = [
         *(Column(name, name, words=True) for name in ("scene", "preset", "error")),
@@ -143,7 +141,7 @@ def _many(
         Column("runs", "runs_per_second", "1/s", form=".0f"),
     ]
     table = table_of(columns, rows, lambda row: row["faulty"], "preset")
-    record = {"seed": same["seed"], "spread": rows, "runs": runs}
+    record = {"seed": seed, "spread": rows, "runs": runs}
     present(Study("", None, (), rows, record, [table]), run.out, json, csv)
     agree = all(each["agrees"] for some in runs.values() for each in some)
     return options.AGREES if agree else options.DISAGREES
@@ -167,10 +165,9 @@ def demo(*, out: options.Out = options.OUT) -> int:
     from ..comparing import film, motions_of
     from ..output import program, write_text
     from ..report.scene_report import report
-    from .report import FILM
 
     console = Console(soft_wrap=True)
-    # naive is there to fail: what is predicted of it stands behind the table.
+    # naive fails on purpose; its predicted faults are printed below the table.
     with warnings.catch_warnings(record=True) as said:
         agreements = options.Run(tuple(PRESETS), out=out).agreements(
             [*map(load_scene, _DEMO_SCENES)]
@@ -178,8 +175,8 @@ def demo(*, out: options.Out = options.OUT) -> int:
         records = [*map(results.record, agreements)]
     shown = [each for each in agreements if each.settings.name in _SHOWN]
     results.show(records, console)
-    console.print("Predicted before the runs:", *(f"  {each.message}" for each in said),
-                  sep="\n", markup=False, highlight=False)  # fmt: skip
+    predicted = "\n  ".join(["Predicted before the runs:", *(str(each.message) for each in said)])
+    console.print(predicted, markup=False, highlight=False)
     results.write_markdown(out / "demo.md", records)
     scenes, presets = " ".join(_DEMO_SCENES), ",".join(_SHOWN)
     command = f"{program()} report {scenes} --preset {presets} --film"
@@ -188,7 +185,7 @@ def demo(*, out: options.Out = options.OUT) -> int:
     path = out / f"{results.file_stem(filmed)}.mp4"
     console.print(f"{page} can be opened; a film of a minute's work is added to it.")
     try:
-        film(path, motions_of(filmed, "video"), Film(size=FILM, fps=24, ghost=True))
+        film(path, motions_of(filmed, "video"), Film(size=_FILM, fps=24, ghost=True))
         write_text(page, report(shown, command, path))
     # A film needs a GL and an encoder, without which the rest of the demo is as good.
     except InputError as error:
@@ -200,3 +197,52 @@ def demo(*, out: options.Out = options.OUT) -> int:
         f"robotball's settings: {balanced:.0e} m.  open {page}", style="bold", markup=False,
     )  # fmt: skip
     return options.AGREES
+
+
+def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = False) -> int:
+    """Write a comparison as one HTML page: verdict, plots, 3-D view, settings, how to repeat it.
+
+    The page is a single file that needs no network.
+
+    Example: robotball report fig12 --preset fast,accurate
+
+    Parameters
+    ----------
+    scenes
+        Names from the catalog, or paths to TOML, MJCF or URDF files.
+    film
+        Add a film of the first scene to the page.
+    """
+    from rich.console import Console
+
+    from robotball import InputError
+
+    from ..comparing import film as write_film
+    from ..comparing import motions_of
+    from ..output import program, write_text
+    from ..report.scene_report import report as page_of
+    from ..results import file_stem, record, scenes_of, show
+
+    if not scenes:
+        raise InputError("report needs a scene; `robotball scenes` lists the catalog")
+    loaded = list(scenes_of(scenes, run.control, run.controller).values())
+    agreements = run.agreements(loaded)
+    # The agreements of the first scene stand first, as many as each scene has.
+    first = agreements[: len(agreements) // len(loaded)]
+    stem = file_stem(first)
+    others = "".join(f"-{scene.name}" for scene in loaded[1:])
+    # Cut, because a file system takes no name of a whole catalog.
+    path = run.out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
+    command = f"{program()} {shlex.join(sys.argv[1:])}"
+    with tempfile.TemporaryDirectory() as folder:
+        movie = Path(folder) / "film.mp4" if film else None
+        if movie:
+            # Its import prepares off-screen drawing.
+            from robotball.view.render import Film
+
+            how = Film(size=_FILM, ghost=len(first) > 1)
+            write_film(movie, motions_of(first, "video"), how)
+        write_text(path, page_of(agreements, command, movie))
+    show(list(map(record, agreements)), Console())
+    print(path)
+    return options.AGREES if all(run.agrees for run in agreements) else options.DISAGREES

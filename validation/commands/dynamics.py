@@ -56,12 +56,11 @@ def exponents(
     starts: options.Count = 16,
     duration: options.Seconds = 10_000.0,
     transient: options.Seconds = 1000.0,
-    preset: options.PresetName | None = None,
     seed: options.Seed = 0,
     threads: options.Threads = None,
     json: options.JsonFile = None,
 ) -> int:
-    """Measure Lyapunov exponents with the equations and, on request, with an engine.
+    """Measure the Lyapunov exponents of a scene with the equations.
 
     Example: robotball dynamics exponents fig14 --starts 4 --duration 1000
 
@@ -73,12 +72,10 @@ def exponents(
         Time over which the exponents of each start are measured.
     transient
         Time before the measurement.
-    preset
-        Also measure all six exponents with the engine, over a tenth of the duration.
     """
-    from ..studies.contact_tangent import exponents_study
+    from ..studies.long_runs import exponents_study
 
-    study = exponents_study(scene, starts, duration, transient, preset, seed)
+    study = exponents_study(scene, starts, duration, transient, seed)
     return options.present_once(study, options.OUT, json)
 
 
@@ -103,7 +100,7 @@ def basins(
     transient
         Time in which a motion must reach its attractor.
     """
-    from ..studies.basins import basins_study
+    from ..studies.long_runs import basins_study
 
     return options.present_once(basins_study(scene, starts, transient, seed), options.OUT, json)
 
@@ -142,7 +139,6 @@ def branches(
     of: Literal["equilibrium", "line", "cycle"],
     over: Annotated[str, Parameter(metavar="NAME=FROM:TO")],
     longest: options.Seconds | None = None,
-    preset: options.PresetName | None = None,
     out: options.Out = options.OUT,
     threads: options.Threads = None,
     json: options.JsonFile = None,
@@ -162,9 +158,6 @@ def branches(
         drives: frequency, f, c, frame.mean, rotor1.value, plane.Z.amplitude, plane.Z.phase.
     longest
         Longest period of a cycle to follow. Default: 300 s, or four periods of periodic drives.
-    preset
-        Also run motions of driven branches with the engine, and say how far they are from closing
-        after a period.
     """
     from ..output import writable_folder
     from ..results import changed
@@ -172,12 +165,12 @@ def branches(
     from ..study import Study, write
 
     writable_folder(out)
-    words = changed(branches, longest=longest, preset=preset)
+    words = changed(branches, longest=longest)
 
     def save(study: Study) -> Path:
         return write(study, out / f"{study.stem(*words)}.png", json, csv)[0]
 
-    print(follow_branches(scene, of, over, longest, preset, save))
+    print(follow_branches(scene, of, over, longest, save))
     return options.AGREES
 
 
@@ -188,13 +181,11 @@ def chart(
     over: Annotated[str, Parameter(metavar="NAME=FROM:TO,…")],
     points: options.Count = 100,
     refine: options.Count = 1,
-    follow: bool = False,
     duration: options.Seconds = 4000.0,
     transient: options.Seconds = 2000.0,
-    preset: options.PresetName | None = None,
     sweep: options.SweepOptions = options.SWEEP,
 ) -> int:
-    """Chart the largest exponent over two numbers of a ball, or the section over one number.
+    """Chart the largest exponent over two numbers of a ball.
 
     The numbers are the components K1 to K3 and Omega1 to Omega3 along the principal axes, the
     lengths K and Omega, the angles K12, K23, K31, Omega12 and so on of their directions in a plane,
@@ -205,26 +196,19 @@ def chart(
     Parameters
     ----------
     over
-        The number of the horizontal axis and its range, then that of the vertical axis, if any.
+        The number of the horizontal axis and its range, then those of the vertical axis.
     points
         Points along an axis before refinement.
     refine
         How often the spacing is halved where neighbouring motions differ in kind.
-    follow
-        With one number: start each motion where the previous one ended, and do not refine.
     duration
         Time of each motion. Its later half gives the exponent.
     transient
         Time before that.
-    preset
-        Also run a dozen of the points with the engine.
     """
     from ..results import changed
     from ..studies.charts import chart_study
 
-    study = chart_study(scene, over, sweep, points, refine, follow, duration, transient, preset)
-    words = changed(
-        chart, over=over, points=points, refine=refine, follow=follow, duration=duration,
-        transient=transient, preset=preset,
-    )  # fmt: skip
-    return sweep.present(study, *words)
+    study = chart_study(scene, over, sweep, points, refine, duration, transient)
+    more = {"points": points, "refine": refine, "duration": duration, "transient": transient}
+    return sweep.present(study, *changed(chart, over=over, **more))

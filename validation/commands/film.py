@@ -56,7 +56,7 @@ def video(
     )
     if as_is:
         from ..check.ablate import motions_of as motions_of_check
-        from .checking import checked_robot
+        from .robots import checked_robot
 
         checked, _ = checked_robot(Path(scene), control=run.control, duration=run.duration)
         stem, motions, agrees = Path(scene).stem, motions_of_check(checked), checked.agrees

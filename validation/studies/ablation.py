@@ -32,7 +32,7 @@ from ..output import Show, known, panels, progress_bar, scientific
 from ..plots import beside
 from ..results import record
 from ..study import Column, Row, Study, table_of
-from .timing import Cost, measure_costs, simulated_second
+from .measuring import Cost, measure_costs, simulated_second
 
 _TIMED = 2.0  # s of the motion over which the cost is measured
 _ROUNDS = 5  # rounds of timing

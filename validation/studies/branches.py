@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,7 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
-from robotball import InputError, Scene, Settings, load_scene
-from robotball import preset as settings_of
+from robotball import InputError, Scene, load_scene
 from robotball.dynamics import motion_branches as motions
 from robotball.dynamics.continuation import (
     BRANCH,
@@ -31,7 +29,6 @@ from robotball.dynamics.equilibria import name_of
 from robotball.dynamics.long_run import basins
 from robotball.dynamics.motion_branches import NUMBERS
 from robotball.dynamics.strobed_branches import Driven, swinging
-from robotball.engines.mujoco import LABEL
 from robotball.errors import check_positive, unknown
 from robotball.robot.formulas import Parameters
 from robotball.robot.looks import ACCENT, INK
@@ -40,7 +37,7 @@ from ..options import span_of
 from ..output import Show, halo, panels, progress_bar
 from ..plots import note
 from ..study import Column, Row, Study, show, table_of
-from .contact_sections import by_contact, level_starts, steady_scene
+from .contact_sections import level_starts, steady_scene
 
 _NO_BOUND = "period without bound"
 _MARKERS = {FOLD: "^", BRANCH: "s", HOPF: "o", DOUBLING: "D", DRIFT: "P", _NO_BOUND: "*"}
@@ -54,7 +51,6 @@ _INSIDE = 3  # values inside the range at which cycles are searched for, a few s
 _ZERO = 1e-9  # fraction of the range; a smaller number is 0
 _WRITE_EVERY = 5.0  # s between writes of partial results
 _OF_THE_REST = 0.02  # fraction of the remaining progress that each point of a branch takes
-_REPEATED = 8  # ordinary points of a branch that the engine repeats, half a second each
 
 
 # Writes what has been found so far, and returns the picture's path.
@@ -121,10 +117,7 @@ def _hopf(family: motions.Family, point: Point) -> str:
 def _branch_picture(
     scene: Scene, label: tuple[str, str], rows: Sequence[Row], special: Sequence[Row]
 ) -> Figure:
-    """Draw the branches over the number: the period of cycles, or the γᵢ that varies most.
-
-    `special` has the special points, and the points that an engine repeated with its error as kind.
-    """
+    """Draw the branches over the number: the period of cycles, or the γᵢ that varies most."""
     branches = [[*points] for _, points in groupby(rows, lambda row: row["branch"])]
     # A driven cycle has a γ at the start of its period; other cycles have no single γ.
     key = max(
@@ -150,8 +143,7 @@ def _branch_picture(
         _draw_branch(axes, points, key, named=len(branches) > 1)
     for kind in dict.fromkeys(row["kind"] for row in special):
         places = [(row["value"], row[key]) for row in special if row["kind"] == kind]
-        face, edge = (ACCENT, INK) if kind in _MARKERS else ("none", LABEL.colour)
-        mark: Any = {"marker": _MARKERS.get(kind, "o"), "mfc": face, "mec": edge, "ms": 8, "ls": ""}
+        mark: Any = {"marker": _MARKERS[kind], "mfc": ACCENT, "mec": INK, "ms": 8, "ls": ""}
         axes.plot(*zip(*places, strict=True), label=kind, zorder=4, **mark)
     figure.legend(loc="outside lower center", ncols=6, frameon=False)
     return figure
@@ -174,9 +166,7 @@ def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None
         note(axes, rows[i]["name"], (x[i], y[i]), (-4 if left else 4, 5 if up else -13), **style)
 
 
-def follow_branches(
-    name: str, of: str, over: str, longest: float | None, preset: str | None, save: _Save
-) -> Path:
+def follow_branches(name: str, of: str, over: str, longest: float | None, save: _Save) -> Path:
     """Follow and print the branches of a scene's motions; return the picture's path.
 
     of: equilibrium, line or cycle; over: NAME=FROM:TO; save: writes what has been found so far.
@@ -188,19 +178,11 @@ def follow_branches(
     if longest is not None:
         check_positive("longest", longest, "s")
     family = _family(scene, name, of, number, low, high, longest)
-    settings = None if preset is None else settings_of(preset)
-    if settings is not None and not isinstance(family, Driven):
-        raise InputError(
-            f"{scene.name}: --preset repeats cycles of what is driven periodically; these "
-            "branches are of the equations' numbers, for which an engine has no bodies"
-        )
     with progress_bar(1) as bar:
         found = _Findings(of, scene, family, bar, save)
         try:
             for branch in _branches(of, scene, family, longest, found):
                 found.ends(branch)
-            if settings is not None:
-                found.repeat(settings)
         finally:  # of what is ended, too, all that was found
             written = found.write()
     if written is None:
@@ -258,8 +240,6 @@ class _Findings(Watch):
         self.branches: list[Branch] = []
         self.growing: list[Branch] = []  # the branch being followed
         self.special: dict[tuple[Any, ...], Row] = {}
-        self.repeated: list[Row] = []
-        self.engine = ""  # engine that repeats motions
         self.lost_at: dict[str, list[str]] = {}  # reasons, grouped without their numbers
         # Progress: the current place, and the fractions done before and after it.
         self.place, self.done, self.goal = "", 0.0, 1.0
@@ -310,24 +290,6 @@ class _Findings(Watch):
             for row in _special(self.family, number, branch)
         )
 
-    def repeat(self, settings: Settings) -> None:
-        """Repeat some motions of each branch, and its special points, with the engine."""
-        assert isinstance(self.family, Driven)
-        self.engine = f"{LABEL.name}, {settings.name}"
-
-        for number, branch in enumerate(self.branches, 1):
-            every = -(-len(branch.points) // _REPEATED)
-            for i, point in enumerate(branch.points):
-                if i % every and not point.kind:
-                    continue
-                self.bar(self.done, f"{self.scene.name}: {self.engine}, {self.at(point.x[-1])}")
-                try:
-                    apart = self.family.return_error(point.x, partial(by_contact, settings))
-                except InputError as error:
-                    self.lost(point.x[-1], str(error))
-                else:
-                    self.repeated.append(_row_of(self.family, number, point) | {"apart": apart})
-
     def write(self) -> tuple[Study, Path] | None:
         """Write the branches, and return the study and the path of its picture; None if empty."""
         branches = [*self.branches, *self.growing]
@@ -375,16 +337,10 @@ class _Findings(Watch):
         )
         counts = f"branches: {len(branches)}, points: {len(rows)}; γ in principal axes"
         record = {"scene": scene.name, "of": of, "over": over, "special": special}
-        record |= {"ends": [branch.ends for branch in branches], "repeated": self.repeated}
+        record |= {"ends": [branch.ends for branch in branches]}
         shown: list[Table | str] = [table_of(columns, special)] if special else []
         shown += [table_of(reasons, ends, section="branch"), counts, *map(escape, self.losses())]
-        marked = special
-        if errors := [row["apart"] for row in self.repeated]:
-            engine = f"{self.engine}: {len(errors)} motions,"
-            off = f"off by {min(errors):.0e} to {max(errors):.0e} after a period"
-            shown.append(f"{engine} {off}")
-            marked = [*special, *({**row, "kind": f"{engine}\n{off}"} for row in self.repeated)]
-        picture = _branch_picture(scene, family.label, rows, marked)
+        picture = _branch_picture(scene, family.label, rows, special)
         return Study(scene.name, None, ("branches", of, over), rows, record, shown, picture)
 
 

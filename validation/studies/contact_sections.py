@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
 
-from robotball import InputError, Motion, Scene, Settings, load_scene, sample_times
+from robotball import InputError, Motion, Scene, load_scene, sample_times
 from robotball import preset as settings_of
 from robotball.dynamics.sections import (
     Crossings,
@@ -39,11 +39,6 @@ def sound_run(model: Model, start: Start, times: Array) -> Motion:
     if motion.report.faults:
         raise InputError(f"{LABEL.name}: the run is faulty: {motion.report.faults[0]}")
     return motion
-
-
-def by_contact(settings: Settings, scene: Scene, times: Array) -> Motion:
-    """Return the motion of a scene from its own start, like `sound_run`."""
-    return sound_run(build(scene, settings), scene.start, times)
 
 
 def each_step(model: Model, duration: float) -> Array:

@@ -34,7 +34,7 @@ from robotball.theory.reduced import LABEL as EQUATIONS
 
 from ..output import Show, panels, progress_bar, scientific
 from ..study import Column, Row, Study, table_of
-from .orders import Order, fit_order, stalled_at
+from .measuring import Order, fit_order, stalled_at
 
 FIXED = f"{ADAPTIVE} fixed"
 # The order in theory, for a smooth motion.

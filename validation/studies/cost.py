@@ -52,8 +52,7 @@ from ..study import (
     table_of,
 )
 from ..sweeps import Cell, Result, rows_of
-from .orders import fit_order
-from .timing import measure_costs, simulated_second
+from .measuring import fit_order, measure_costs, simulated_second
 
 _RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # tolerates any error
 TARGET = 1e-6  # the path error at which first order and the front are compared
@@ -63,7 +62,7 @@ _Options = dict[str, Any]
 _ALL = ("RK4", *FIRST_ORDER)
 _INTERVAL = 0.1  # s between samples, and the longest step
 _LINE = tuple(_INTERVAL / 2**k for k in range(10))  # s; RK4 gains nothing below 1 ms
-STEPS = (20e-3, 5e-3, 1e-3)  # s
+_SHOWN_STEPS = (20e-3, 5e-3, 1e-3)  # s
 _FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # s, in the range of first-order convergence
 # The contact may be lost above 1e-4; see `limits.errors_added`.
 _RTOLS = tuple(10.0**-k for k in range(4, 14))
@@ -116,16 +115,16 @@ def configurations(quick: bool = False) -> list[Settings]:
     """Return the distinct settings of the study, presets first; a few of each in the quick form."""
     if quick:
         every = [*PRESETS.values(), *_lines((_RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
-        every += [*_adaptive(_RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
+        every += [*_adaptive(_RTOLS[2::4]), *_star(NAIVE, _SHOWN_STEPS[1:2], ("RK4",))][::4]
     else:
         every = [
             *PRESETS.values(),
             *_lines((_RECIPE, NAIVE), _LINE, _ALL),
             *_adaptive(_RTOLS),
-            *_star(_RECIPE, STEPS, ("RK4",)),
+            *_star(_RECIPE, _SHOWN_STEPS, ("RK4",)),
             # With long steps, first-order errors would hide the effect of a choice.
             *_star(_RECIPE, _FINE_STEPS, FIRST_ORDER),
-            *_star(NAIVE, STEPS[1:], _ALL),
+            *_star(NAIVE, _SHOWN_STEPS[1:], _ALL),
             *_sample(),
         ]
     distinct: dict[str, Settings] = {}
@@ -158,7 +157,7 @@ def _sample() -> Iterator[Settings]:
     pick = random.Random(_SEED).choice
     for _ in range(_SAMPLE):
         level = dict(chain.from_iterable(pick(levels).items() for levels in _CHOICES.values()))
-        yield replace(_RECIPE, integrator=pick(_ALL), timestep=pick(STEPS), **level)
+        yield replace(_RECIPE, integrator=pick(_ALL), timestep=pick(_SHOWN_STEPS), **level)
 
 
 _NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # robotball's settings

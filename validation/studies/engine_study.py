@@ -37,7 +37,7 @@ from ..study import (
 from ..sweeps import Cell, Result, rows_of
 from . import engine_runs
 from .engine_runs import Contestant, python_of
-from .orders import fit_order
+from .measuring import fit_order
 
 _LIMIT = 300.0  # s, time limit of a run with its compilation
 _ROUNDS = 3  # rounds of timing
@@ -51,7 +51,7 @@ _Ladder = tuple[str, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
-class EngineRow:
+class _EngineRow:
     """The runs of an engine in the study.
 
     Attributes
@@ -69,9 +69,9 @@ class EngineRow:
     source: str = ""
 
 
-def row_of(name: str) -> EngineRow:
+def row_of(name: str) -> _EngineRow:
     """Return the row of an engine, by default one run per preset."""
-    return _rows().get(name) or EngineRow(_as_they_are(engine_named(name)))
+    return _rows().get(name) or _EngineRow(_as_they_are(engine_named(name)))
 
 
 def _as_they_are(engine: Engine) -> dict[str, _Ladder]:
@@ -85,15 +85,15 @@ def _as_they_are(engine: Engine) -> dict[str, _Ladder]:
 
 
 @cache
-def _rows() -> dict[str, EngineRow]:
+def _rows() -> dict[str, _EngineRow]:
     text = Path(__file__).with_name("engine_rows.toml").read_text(encoding="utf-8")
     return {name: _row(**row) for name, row in tomllib.loads(text).items()}
 
 
-def _row(ladders: Any, **others: Any) -> EngineRow:
+def _row(ladders: Any, **others: Any) -> _EngineRow:
     """Return a row of the TOML file, where ladders are {preset: {field: values}}."""
     pairs = {preset: (key, tuple(row[key])) for preset, row in ladders.items() for key in row}
-    return EngineRow(pairs, **others)
+    return _EngineRow(pairs, **others)
 
 
 def cells_of(

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 
 from robotball import InputError, Scene
-from robotball.dynamics.cycles import Cycle, limit_cycles
+from robotball.dynamics.cycles import Cycle, curve_of, involute, limit_cycles, separatrices
 from robotball.dynamics.equilibria import (
     ContactPath,
     FixedCircle,
@@ -16,6 +17,7 @@ from robotball.dynamics.equilibria import (
     contact_path,
     fixed_circle,
     fixed_points,
+    flow,
     index_sum,
     name_of,
 )
@@ -26,13 +28,28 @@ from robotball.dynamics.straight_motions import (
     straight_motion,
     straight_motions,
 )
+from robotball.robot.formulas import Parameters
+from robotball.robot.looks import INK
 from robotball.rotations import Array, ComplexArray, rotation_matrix
 
-from ..output import progress_bar
-from ..portrait import portrait
+from ..output import halo, progress_bar
 from ..study import Study
 from .contact_sections import level_starts, steady_scene
 
+_DURATION = 400.0  # s, length of a manifold in time
+_LENGTH = 5.0  # rad, length of a manifold that is drawn; beyond it may wind around a focus
+# Symbols of stable points are filled.
+_MARKERS = {
+    "saddle": ("X", "white"),
+    "stable focus": ("o", INK),
+    "slow stable focus": ("D", INK),
+    "centre": ("P", "white"),
+    "unstable focus": ("o", "white"),
+    "slow unstable focus": ("D", "white"),
+    "stable node": ("s", INK),
+    "unstable node": ("s", "white"),
+    "degenerate": ("*", "white"),
+}
 _ROUNDING = 1e-7  # 1/s, of an eigenvalue, which may be a double one
 _NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
 _Point = tuple[str, FixedPoint, ContactPath]
@@ -76,7 +93,7 @@ def _cycle_cells(cycle: Cycle) -> _Cells:
 
 
 def _straight_cells(line: StraightMotion, name: str) -> _Cells:
-    # Where the largest real part is zero, the eigenvalues decide nothing.
+    # If the largest real part is zero, the eigenvalues do not decide the stability.
     rate = line.eigenvalues.real.max()
     kind = "neutral" if abs(rate) < _ROUNDING else "stable" if rate < 0 else "unstable"
     words = f"{kind},\n{'straight line' if line.speed else 'at rest'}"
@@ -128,6 +145,74 @@ def _lists(found: object, *names: str) -> dict[str, Any]:
         elif isinstance(value, np.ndarray):
             plain[name] = value.tolist()
     return plain
+
+
+def portrait(
+    title: str,
+    parameters: Parameters,
+    points: Sequence[FixedPoint],
+    circle: FixedCircle | None,
+    cycles: Sequence[Cycle],
+) -> Figure:
+    """Draw fixed points, their manifolds and limit cycles on the sphere, also unrolled."""
+    figure = Figure(figsize=(13.0, 5.8), layout="constrained")
+    counts = f"{len(points)} fixed points, limit cycles: {len(cycles)}"
+    figure.suptitle(f"{title}: {counts}", color=INK)
+    views: Any = {"sphere": {"projection": "3d"}}
+    axes: dict[str, Any] = figure.subplot_mosaic(
+        [["sphere", "involute"]], width_ratios=(4.6, 8.4), per_subplot_kw=views
+    )
+    sphere, chart = axes["sphere"], axes["involute"]
+
+    def draw(gamma: Array, **style: Any) -> None:
+        label = style.pop("label", None)
+        if label in chart.get_legend_handles_labels()[1]:  # only one entry in the legend
+            label = None
+        sphere.plot(*gamma.T, **style)
+        chart.plot(*involute(gamma).T, label=label, **style)
+
+    _draw_field(sphere, chart, parameters)
+    for manifold in separatrices(parameters, points, _DURATION):
+        length = np.cumsum(np.linalg.norm(np.diff(manifold.path, axis=0), axis=1))
+        word, dashes = ("stable", "--") if manifold.stable else ("unstable", "-")
+        path = manifold.path[: int(np.searchsorted(length, _LENGTH)) + 2]
+        draw(path, color=INK, lw=0.9, ls=dashes, label=f"{word} manifolds of the saddles")
+    for quarter in range(4 if circle else 0):
+        assert circle is not None
+        arc = circle.at(np.linspace(quarter, quarter + 1, 100) * np.pi / 2)
+        colour, word = ("#AA4499", "Σ_u, repels") if quarter % 2 else ("#117733", "Σ_s, attracts")
+        draw(arc, color=colour, lw=2.6, label=word)
+    for cycle in cycles:
+        curve = curve_of(parameters, cycle.gamma, cycle.period)
+        word, dashes = ("stable", "-") if abs(cycle.multipliers[0]) < 1 else ("unstable", "--")
+        for gamma in (curve, -curve):  # γ → -γ is a symmetry
+            draw(gamma, color="#3344DD", lw=3.2, ls=dashes, label=f"{word} limit cycle")
+    for point in sorted(points, key=lambda point: point.kind):
+        marker, colour = _MARKERS[point.kind]
+        style = {"marker": marker, "color": colour, "mec": INK, "ms": 8, "ls": "", "zorder": 6}
+        draw(point.gamma[None], **style, label=point.kind)
+        name = name_of(parameters, point.gamma)
+        sphere.text(*1.12 * point.gamma, name, fontsize=12)
+        chart.text(*involute(point.gamma), f"  {name}", fontsize=12, zorder=7, path_effects=halo())
+    sphere.set_box_aspect((1, 1, 1), zoom=1.5)
+    sphere.set_axis_off()
+    sphere.set_title("vertical γ on the Poisson sphere")
+    chart.set(xlim=(0.0, 2 * np.pi), ylim=(-1.2, 1.2), title="the same sphere unrolled")
+    chart.set(xlabel="φ = π/4 + arctan(γ₁/γ₂) [rad], full circle", ylabel="γ₃")
+    handles, labels = chart.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def _draw_field(sphere: Any, chart: Any, parameters: Parameters) -> None:
+    """Draw a grid on the sphere, and streamlines of (4.1) on the unrolled sphere."""
+    phi, height = np.meshgrid(np.linspace(0.0, 2 * np.pi, 80), np.linspace(-0.99, 0.99, 40))
+    across, turn = np.sqrt(1 - height**2), phi - np.pi / 4
+    gamma = across * np.sin(turn), across * np.cos(turn), height
+    sphere.plot_wireframe(*gamma, rcount=12, ccount=24, color="0.85", lw=0.5)
+    rates = flow(parameters, gamma)
+    turning = (gamma[1] * rates[0] - gamma[0] * rates[1]) / across**2
+    chart.streamplot(phi, height, turning, rates[2], color="0.8", linewidth=0.6)
 
 
 def equilibria_study(name: str, longest: float) -> Study:
@@ -183,7 +268,7 @@ def _rubber(scene: Scene, longest: float) -> Study:
         "Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."
     ]
     if lines:
-        shown.append(f"Straight-line motions are those with the scene's M² = {f:g} (kg m²/s)².")
+        shown.append(f"The straight-line motions have the M² of the scene, {f:g} (kg m²/s)².")
     # By the theorem of Poincaré and Hopf: a check that no point is missing.
     indices = f"The indices of the points add up to {index_sum(points)}"
     if circle is not None:

@@ -16,7 +16,6 @@ from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, M
 from robotball.robot.variations import gyrostat, momentum_of, redistributed, scaled
 
 from ..sweeps import Cell
-from .maps import grid_cells
 
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
@@ -265,10 +264,10 @@ WHOLE, QUICK = Cut(), Cut(_QUICK_INTEGRATORS, _QUICK_COUNT)
 
 def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
     """Return the cells of a map, ordered by rolling model and integrator."""
-    cells: list[Cell] = []
-    for rolling in chosen.rollings:
-        for integrator in cut.integrators:
-            x, y = cut.values(chosen.x_of(integrator)), cut.values(chosen.y)
-            held = {"map": chosen.name, "rolling": rolling, "integrator": integrator}
-            cells += grid_cells(("x", x), ("y", y), **held)
-    return cells
+    return [
+        {"map": chosen.name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
+        for rolling in chosen.rollings
+        for integrator in cut.integrators
+        for y in cut.values(chosen.y)
+        for x in cut.values(chosen.x_of(integrator))
+    ]

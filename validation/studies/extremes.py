@@ -8,7 +8,6 @@ and hatches show the outcomes, so no colour is needed. `extreme_maps.py` defines
 import logging
 import time
 import warnings
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
@@ -19,7 +18,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 from rich.table import Table
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
@@ -46,7 +45,6 @@ from .extreme_maps import (
     cell_run,
     cells_of,
 )
-from .maps import draw_cells, draw_level
 
 ACCURATE = 1e-4  # largest relative error of an accurate run; the recipe's coarsest step has 1e-6
 WRONG = 0.1  # relative error above which a run is wrong
@@ -430,11 +428,11 @@ def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
     xs, ys = (sorted({result.cell[key] for result in results}) for key in ("x", "y"))
-    # Cells come row by row, in the order of the axes.
-    shape, outcomes = (len(ys), len(xs)), [*map(_outcome_of, results)]
-    # Cells have equal sizes, although their values may be decades apart.
-    draw_cells(axes, range(len(xs)), range(len(ys)), [outcome.look for outcome in outcomes])
+    shape = len(ys), len(xs)
+    # Cells come row by row. They have equal sizes, although their values may be decades apart.
     for (j, i), result in zip(np.ndindex(shape), results, strict=True):
+        # An image cannot have hatches.
+        axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, **_outcome_of(result).look))
         for meaning in _marks(result):
             axes.add_line(_mark(meaning, i, j))
     numbers = [*map(_nearness, results)]
@@ -475,7 +473,8 @@ def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
     onward = (np.pad(nearness, 1, mode="reflect", reflect_type="odd") + edge) / 2
     grid = np.ma.masked_invalid(np.where(onward * edge > 0, onward, edge))
     rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
-    draw_level(axes, columns, rows, grid, colour, dashes=dashes, rim=3.2)
+    lines = axes.contour(columns, rows, grid, levels=[0.0], colors=[colour], linewidths=1.8)
+    lines.set(linestyle=dashes, path_effects=halo(3.2))
 
 
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
@@ -494,45 +493,30 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
     return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
 
 
-def _finding(results: Sequence[Result]) -> str:
-    """Return the share of accurate runs of each integrator, and the number of missed failures."""
-    runs, good = Counter[str](), Counter[str]()
-    for result in results:
-        runs[result.cell["integrator"]] += 1
-        good[result.cell["integrator"]] += _outcome_of(result) is Outcome.ACCURATE
-    parts = [f"{name} {n / runs[name]:.0%}" for name, n in good.most_common() if n]
-    parts += ["others 0%" if parts else "0%"] * (len(parts) < len(runs))
-    unseen = sum(map(missed, results))
-    return f"Accurate runs: {', '.join(parts)}; wrong without a warning or a fault: {unseen}"
-
-
-def _sentence(limit: Row) -> str:
-    """Return the law of a limit and its measured position."""
-    law = (LAWS[limit["name"]].__doc__ or "").partition("\n")[0].rstrip(".")
-    sentence = f"{law}: runs hold to {limit['kept']:.2g} times it"
-    return sentence + ("" if limit["broken"] is None else f", break from {limit['broken']:.2g}")
-
-
 def _legends(
     figure: Figure, chosen: Map, styles: Mapping[str, Any], results: Sequence[Result]
 ) -> None:
     """Draw the title and the legend of the lines above, and the legend of the cells below."""
-    measured = {limit["name"]: limit for limit in measured_limits(results)}
     limits = [
-        Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
+        Line2D([], [], color=colour, linestyle=dashes, label=_law(name))
         for name, (colour, dashes) in styles.items()
     ]
     present = {*map(_outcome_of, results)}
     outcomes = [Patch(label=kind.sentence, **kind.look) for kind in Outcome if kind in present]
-    heading = f"{_finding(results)}\n{chosen.title}\nheld: {chosen.held}"
+    heading = f"{chosen.title}\nheld: {chosen.held}"
     if limits:
-        heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and measured"
+        heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}"
     style: Any = {"frameon": False, "fontsize": 8}
     # The legend carries the title, since a title of the figure would overlap this legend.
     upper: Any = {"loc": "outside upper left", "title": heading, "alignment": "left"}
     figure.legend(handles=limits, **upper, **style)
     handles = [*outcomes, *map(_mark, _MARKS)]
     figure.legend(handles=handles, loc="outside lower left", ncols=2, **style)
+
+
+def _law(name: str) -> str:
+    """Return the first line of a limit's docstring."""
+    return (LAWS[name].__doc__ or "").partition("\n")[0].rstrip(".")
 
 
 def map_extremes(names: Sequence[str], sweep: Sweep) -> int:

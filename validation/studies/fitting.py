@@ -1,6 +1,6 @@
 """Fit a scene's numbers to a robot's logs, with the equations and with engines.
 
-The result is shown as text, as a scene file, as a page with the residuals and as JSON.
+The result is printed, and written as a scene file, as a page with the residuals, and as JSON.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -38,117 +38,120 @@ from ..report import VERDICTS, page, paragraph, plot, table, text
 from ..report.chart import Line
 
 _EQUATIONS = "equations"
-_STRONG = 0.9  # a correlation that is worth a line
+_STRONG = 0.9  # smallest correlation to report
 
 
-def lines(found: Fitted) -> Iterator[str]:
-    """Yield what a fit says, a line each: the verdict, then what the logs do not tell."""
-    chi2, probability = found.chi2 / found.degrees, found.probability
-    told = f"χ² is {chi2:.4g} for each of {found.degrees} degrees of freedom"
-    if found.explains and not _tells(found):
-        yield f"the logs tell none of the numbers, and are explained whatever these are: {told}"
-    elif found.explains:
-        yield f"the model explains the logs: {told}, its probability {probability:.2g}"
+def lines(fitted: Fitted) -> Iterator[str]:
+    """Yield the report of a fit, one fact per line: the verdict, then what remains uncertain."""
+    probability = fitted.probability
+    chi2 = f"χ²/n = {fitted.chi2 / fitted.degrees:.4g} with n = {fitted.degrees} degrees of freedom"
+    if fitted.explains and not _constrained(fitted):
+        yield (
+            "the logs do not constrain any of these parameters: every value fits equally well "
+            f"({chi2})"
+        )
+    elif fitted.explains:
+        yield f"the model explains the logs: {chi2}, probability {probability:.2g}"
     else:
-        yield f"the model does not explain the logs; numbers may be off by more than ±: {told}"
-    if not found.complete:
-        yield "the fit stopped before the minimum of χ²: begin nearer, or from the scene it wrote"
-    for sensor in found.strays:
+        yield f"the model does not explain the logs, so errors may exceed the ± given: {chi2}"
+    if not fitted.complete:
+        yield "the fit stopped before the minimum of χ²: start closer, or from the scene it wrote"
+    for sensor in fitted.strays:
         yield (
-            f"  {sensor.name} of {sensor.log} from t = {sensor.since or 0.0:.3g} s on: it is off "
-            f"by {scientific(sensor.residual)}, and its noise is {scientific(sensor.noise)}"
+            f"  {sensor.name} of {sensor.log} is off by {scientific(sensor.residual)} from "
+            f"t = {sensor.since or 0.0:.3g} s on; its noise is {scientific(sensor.noise)}"
         )
-    if any(sensor.name == "position" for sensor in found.strays):
+    if any(sensor.name == "position" for sensor in fitted.strays):
         yield (
-            "  where the capture's unit, origin or axes are not the scene's no position fits: see "
-            "its unit, and --also world.origin,world.yaw"
+            "  no position fits if the capture has another unit, origin or axes than the scene: "
+            "check its unit, and try --also world.origin,world.yaw"
         )
-    yield from found.contradictions
-    yield from found.at_limits
-    yield from found.undetermined
-    yield from found.influences
-    names = [each.name for each in found.found]
+    yield from fitted.contradictions
+    yield from fitted.at_limits
+    yield from fitted.undetermined
+    yield from fitted.influences
+    names = [number.name for number in fitted.found]
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
-        if abs(found.correlations[i, j]) > _STRONG and not found.undetermined:
+        if abs(fitted.correlations[i, j]) > _STRONG and not fitted.undetermined:
             yield (
-                f"{names[i]} and {names[j]} are told apart badly: their correlation is "
-                f"{found.correlations[i, j]:.3f}"
+                f"the logs hardly distinguish {names[i]} from {names[j]}: their correlation is "
+                f"{fitted.correlations[i, j]:.3f}"
             )
 
 
-def _tells(found: Fitted) -> bool:
-    """Return whether the logs tell at least one of the numbers."""
-    return any(each.determined for each in found.found)
+def _constrained(fitted: Fitted) -> bool:
+    """Return whether the logs constrain at least one number."""
+    return any(number.determined for number in fitted.found)
 
 
-def _numbers(found: Sequence[Estimate]) -> Iterator[list[str]]:
-    for each in found:
-        size = known(each.deviation)
+def _numbers(estimates: Sequence[Estimate]) -> Iterator[list[str]]:
+    for estimate in estimates:
+        size = known(estimate.deviation)
         digits = 6 if not size else max(0, int(2 - np.floor(np.log10(size))))
-        value = f"{each.value:.{digits}f}" if digits < 12 else f"{each.value:.6g}"
+        value = f"{estimate.value:.{digits}f}" if digits < 12 else f"{estimate.value:.6g}"
         yield [
-            each.name,
-            value if each.determined else "not determined",
-            f"{each.deviation:.2g}" if each.determined else "-",
-            f"{each.began:.6g}",
-            each.unit,
+            estimate.name,
+            value if estimate.determined else "not determined",
+            f"{estimate.deviation:.2g}" if estimate.determined else "-",
+            f"{estimate.began:.6g}",
+            estimate.unit,
         ]
 
 
-_HEADINGS = ("number", "value", "±", "began at", "unit")
+_HEADINGS = ("number", "value", "±", "started at", "unit")
 _SENSORS = ("log", "sensor", "readings", "noise", "residual", "probability")
 
 
-def _sensor_rows(found: Fitted) -> Iterator[list[str]]:
-    for held_out, sensors in ((False, found.sensors), (True, found.held_out)):
-        for each in sensors:
-            yield [
-                f"{each.log} (held out)" if held_out else each.log,
-                each.name,
-                str(len(each.times)),
-                scientific(each.noise),
-                scientific(each.residual),
-                f"{each.probability:.2g}",
-            ]
+def _sensor_rows(fitted: Fitted) -> Iterator[list[str]]:
+    for sensor in (*fitted.sensors, *fitted.held_out):
+        yield [
+            sensor.log + " (held out)" * (sensor in fitted.held_out),
+            sensor.name,
+            str(len(sensor.times)),
+            scientific(sensor.noise),
+            scientific(sensor.residual),
+            f"{sensor.probability:.2g}",
+        ]
 
 
-def _beside(fits: Mapping[str, Fitted]) -> tuple[list[str], list[list[str]]]:
-    """Return a table of what each engine makes of the numbers, beside the equations."""
-    truth = fits[_EQUATIONS]
-    headings = ["fitted by", *(each.name for each in truth.found), "χ²/n"]
+def _comparison(fits: Mapping[str, Fitted]) -> tuple[list[str], list[list[str]]]:
+    """Return a table of the numbers from each engine, relative to those from the equations."""
+    exact = fits[_EQUATIONS]
+    headings = ["fitted with", *(number.name for number in exact.found), "χ²/n"]
     rows = []
-    for name, each in fits.items():
-        cells = [f"{own.value:.6g}" for own in each.found]
-        if each is not truth:
-            pairs = zip(each.found, truth.found, strict=True)
-            cells = [_relative(own.value - of.value, of.value, "+") for own, of in pairs]
-        rows.append([name, *cells, f"{each.chi2 / each.degrees:.3g}"])
-    deviations = [_relative(each.deviation, abs(each.value)) for each in truth.found]
+    for name, fitted in fits.items():
+        cells = [f"{number.value:.6g}" for number in fitted.found]
+        if fitted is not exact:
+            pairs = zip(fitted.found, exact.found, strict=True)
+            cells = [_relative(a.value - b.value, b.value, "+") for a, b in pairs]
+        rows.append([name, *cells, f"{fitted.chi2 / fitted.degrees:.3g}"])
+    deviations = [_relative(number.deviation, abs(number.value)) for number in exact.found]
     rows.append(["(one standard deviation)", *deviations, ""])
     return headings, rows
 
 
-def _relative(part: float, of: float, sign: str = "") -> str:
-    """Return a part of a number in percent; of zero the part itself."""
-    return f"{part / of:{sign}.2%}".replace("%", " %") if of else f"{part:{sign}.3g}"
+def _relative(part: float, whole: float, sign: str = "") -> str:
+    """Format a part as a percentage of the whole, or as it is if the whole is 0."""
+    return f"{part / whole:{sign}.2%}".replace("%", " %") if whole else f"{part:{sign}.3g}"
 
 
 def _fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
-    """Return the page of a fit: what it found, what the logs do not tell, and the residuals."""
-    found = fits[_EQUATIONS]
+    """Return the page of a fit: its report, the numbers, and the residuals."""
+    fitted = fits[_EQUATIONS]
+    verdict, *others = lines(fitted)
     body = [
         f"<h1>{text(scene)}: fitted to its logs</h1>",
-        paragraph(next(lines(found)), VERDICTS[found.explains and _tells(found)]),
-        *(paragraph(each) for each in [*lines(found)][1:]),
+        paragraph(verdict, VERDICTS[fitted.explains and _constrained(fitted)]),
+        *map(paragraph, others),
         "<h2>Numbers</h2>",
-        table(_HEADINGS, _numbers((*found.found, *found.of_logs))),
+        table(_HEADINGS, _numbers((*fitted.found, *fitted.of_logs))),
         "<h2>Sensors</h2>",
-        table(_SENSORS, _sensor_rows(found)),
+        table(_SENSORS, _sensor_rows(fitted)),
     ]
     if len(fits) > 1:
-        words = "A wrong contact is paid by the numbers: each engine's, less the equations'."
-        body += ["<h2>By engines</h2>", paragraph(words), table(*_beside(fits))]
-    body += ["<h2>Residuals</h2>", *map(_residual_plot, (*found.sensors, *found.held_out))]
+        words = "A wrong contact model shifts the numbers. Differences from the equations:"
+        body += ["<h2>Other engines</h2>", paragraph(words), table(*_comparison(fits))]
+    body += ["<h2>Residuals</h2>", *map(_residual_plot, (*fitted.sensors, *fitted.held_out))]
     return page(f"robotball: {scene}, fitted", body)
 
 
@@ -159,7 +162,7 @@ def _residual_plot(sensor: SensorFit) -> str:
         Line(LineStyle(name, colour), sensor.times, column / sensor.noise, width=0.8)
         for name, colour, column in zip(names, colours, sensor.residuals.T, strict=False)
     ]
-    caption = f"{sensor.name} of {sensor.log}: readings less the model's, over the noise"
+    caption = f"{sensor.name} of {sensor.log}: reading minus model, over the noise"
     return plot(caption, columns, "t [s]", "residual over noise")
 
 
@@ -167,46 +170,42 @@ _MEASURES = ("noise", "residual", "probability", "since")
 
 
 def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
-    found = fits[_EQUATIONS]
+    fitted = fits[_EQUATIONS]
+    names = ("explains", "chi2", "probability", "complete")
+    texts = ("undetermined", "contradictions", "at_limits", "influences")
     return {
         "program": program(),
         "scene": scene,
-        "explains": found.explains,
-        "chi2": found.chi2,
-        "degrees_of_freedom": found.degrees,
-        "probability": found.probability,
-        "complete": found.complete,
-        "numbers": [_plain(each) for each in found.found],
-        "of_logs": [_plain(each) for each in found.of_logs],
-        "correlations": found.correlations.tolist(),
-        "undetermined": list(found.undetermined),
-        "contradictions": list(found.contradictions),
-        "at_limits": list(found.at_limits),
-        "influences": list(found.influences),
+        **{name: getattr(fitted, name) for name in names},
+        "degrees_of_freedom": fitted.degrees,
+        "numbers": [_plain(number) for number in fitted.found],
+        "of_logs": [_plain(number) for number in fitted.of_logs],
+        "correlations": fitted.correlations.tolist(),
+        **{name: list(getattr(fitted, name)) for name in texts},
         "sensors": [
             {
-                "log": each.log,
-                "name": each.name,
-                "held_out": each in found.held_out,
-                "readings": len(each.times),
-                **{name: getattr(each, name) for name in _MEASURES},
+                "log": sensor.log,
+                "name": sensor.name,
+                "held_out": sensor in fitted.held_out,
+                "readings": len(sensor.times),
+                **{name: getattr(sensor, name) for name in _MEASURES},
             }
-            for each in (*found.sensors, *found.held_out)
+            for sensor in (*fitted.sensors, *fitted.held_out)
         ],
         "by_engines": [
             {
                 "name": name,
-                "chi2_per_degree": each.chi2 / each.degrees,
-                "numbers": [_plain(own) for own in each.found],
+                "chi2_per_degree": other.chi2 / other.degrees,
+                "numbers": [_plain(number) for number in other.found],
             }
-            for name, each in fits.items()
+            for name, other in fits.items()
             if name != _EQUATIONS
         ],
     }
 
 
-def _plain(found: Estimate) -> dict[str, Any]:
-    return {name: known(v) if isinstance(v, float) else v for name, v in asdict(found).items()}
+def _plain(estimate: Estimate) -> dict[str, Any]:
+    return {name: known(v) if isinstance(v, float) else v for name, v in asdict(estimate).items()}
 
 
 def fit_logs(
@@ -225,57 +224,57 @@ def fit_logs(
 ) -> int:
     """Fit a scene's numbers to logs, present and write the result; return the exit status."""
     if not paths:
-        raise InputError("fit needs a log: a table of t and what the sensors read")
+        raise InputError("fit needs a log: a table of t and sensor readings")
     numbers = numbers_of(scene_name)
     if not free:
         Console().print(Columns(numbers.known))
-        raise InputError("name the numbers to find with --free; the scene has those above")
+        raise InputError("name the numbers to find with --free; the list above has all of them")
     if engine != "mujoco" and not presets:
-        raise InputError("--engine is of the presets: name some, as --preset naive,balanced")
+        raise InputError("--engine needs presets: name some, such as --preset naive,balanced")
     scene = numbers.scene({})
     logs = [read_log(path, scene) for path in paths]
     runs: dict[str, dict[str, Any]] = {_EQUATIONS: {}}
     for preset in presets:
-        # To its end, whatever the engine does.
+        # A faulty run must continue to the end of the log.
         request = request_of(engine, preset, keep_going=True)
         runs[f"{engine}, {preset}"] = {"run": partial(run_request, request=request)}
-    fitted = partial(
-        fit, numbers, logs, free, circumstances=also, noise=_noise_of(noise), loss=loss,
-        hold_out=len(logs) - 1 if len(logs) > 1 and hold_out else None,
-    )  # fmt: skip
+    held = len(logs) - 1 if len(logs) > 1 and hold_out else None
+    more: dict[str, Any] = {"circumstances": also, "noise": _noise_of(noise), "hold_out": held}
     writable_folder(out)
     fits: dict[str, Fitted] = {}
     with progress_bar(len(runs)) as bar:
-        for name, how in runs.items():
+        for name, options in runs.items():
 
             def show(part: float, chi2: float, name: str = name) -> None:
                 bar(len(fits) + part, f"{name}: χ²/n = {chi2:.3g} over {part:.0%} of the logs")
 
-            fits[name] = fitted(**how, progress=show)
+            fits[name] = fit(numbers, logs, free, loss=loss, progress=show, **more, **options)
     for log in logs:
         for note in log.notes:
             print(f"{log.name}: {note}")
-    found, console = fits[_EQUATIONS], Console()
-    table_of_numbers = _HEADINGS, _numbers((*found.found, *found.of_logs))
-    others = [_beside(fits)] if len(fits) > 1 else []
-    for headings, rows in (table_of_numbers, (_SENSORS, _sensor_rows(found)), *others):
+    fitted, console = fits[_EQUATIONS], Console()
+    estimates = _HEADINGS, _numbers((*fitted.found, *fitted.of_logs))
+    others = [_comparison(fits)] if len(fits) > 1 else []
+    for headings, rows in (estimates, (_SENSORS, _sensor_rows(fitted)), *others):
         print_whole(plain_table(headings, rows=rows), console)
-    for line in lines(found):
-        print(line)
+    print(*lines(fitted), sep="\n")
     scene_file, page_file = (out / f"fit-{scene.name}{end}" for end in (numbers.suffix, ".html"))
-    write_text(scene_file, found.text)
+    write_text(scene_file, fitted.text)
     write_text(page_file, _fit_page(scene.name, fits))
     write_record(json, _record(scene.name, fits))
     print(scene_file, page_file, sep="\n")
-    return AGREES if found.explains and _tells(found) and not found.at_limits else DISAGREES
+    agrees = fitted.explains and _constrained(fitted) and not fitted.at_limits
+    return AGREES if agrees else DISAGREES
 
 
 def _noise_of(texts: Sequence[str]) -> dict[str, float]:
     noise = {}
-    for each in texts:
-        name, _, value = each.partition("=")
+    for item in texts:
+        name, _, value = item.partition("=")
         try:
             noise[name] = float(value)
         except ValueError:
-            raise InputError(f"--noise takes SENSOR=NUMBER, as gyro=0.02, not {each!r}") from None
+            raise InputError(
+                f"--noise takes SENSOR=NUMBER, such as gyro=0.02, not {item!r}"
+            ) from None
     return noise

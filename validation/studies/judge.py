@@ -1,8 +1,8 @@
 """Compare trajectory files with the equations, and find mistakes in their conventions.
 
 The errors of a file are computed as in `Agreement`, with slip and spin if its rates are known.
-`judge_search.py` finds the mistakes that explain these errors. The file is then judged again with
-the mistakes undone.
+`mistakes.py` finds the mistakes that explain these errors, and the file is judged again without
+them.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ from robotball import (
 )
 from robotball.engines import recorded as derivative
 from robotball.engines.equations import scene_of
-from robotball.errors import LARGEST, check_positive
+from robotball.errors import check_positive
 from robotball.fit.sensing import ON_THE_PLANE
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
@@ -42,9 +42,7 @@ from ..output import (
     scientific,
     write_record,
 )
-from .judge_search import Lag, Mistake, Search, lag_of, reference_of
-from .mistakes import rows_of
-from .orders import LEAST, fit_order
+from .mistakes import Mistake, Search, reference_of, rows_of
 
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
@@ -56,32 +54,16 @@ _ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error", "hei
 
 @dataclass(frozen=True)
 class _Comparison:
-    """Compare a recorded motion with the equations' motion.
+    """Compare a recorded motion with the equations' motion; None where the file lacks a column.
 
     Attributes
     ----------
-    motion : RecordedMotion
-        The motion from the file.
-    theory : Motion
-        The motion by the equations.
-    path_error : float
-        The largest contact-point error, over the path's length or the radius.
-    attitude_error : float, rad
-        The largest angle between the two attitudes.
-    gamma_error : float, rad
-        The largest angle between the two verticals, seen from the frame.
-    momentum_error : float or None
-        The relative error of M. None if the file has neither M nor the rates to compute it.
     momentum_known_to : float
         The part of `momentum_error` that numerical rates may have made.
     level : float, m
         The height at which z should stay: the radius, or 0 if z is the height of the contact point.
-    height_error : float or None
-        The largest error of z, over the radius. None if the file has no z.
-    slip : (float, float) or None
-        The largest slip [m/s] and its error from numerical rates. None if unknown.
-    spin : (float, float) or None
-        The largest spin in either direction [rad/s] and its error. None if unknown.
+    slip, spin : (float, float) or None
+        The largest slip [m/s] and spin [rad/s], each with its error from numerical rates.
     hinge_rates : dict of str to (float, float)
         For each hinge with a known rate, its relative RMS error, and the factor by which the
         reference's rate fits the file's rate in least squares.
@@ -150,10 +132,6 @@ class FileJudgement:
     corrected : Comparison or None
         The comparison with the mistakes undone, and with the scene that was simulated instead. None
         if no mistake was found.
-    lag : Lag
-        The shift in time of the corrected trajectory.
-    timestep : float, s
-        The engine's timestep.
     tolerance : float
         The largest error that agrees.
     """
@@ -162,8 +140,6 @@ class FileJudgement:
     plain: _Comparison
     search: Search
     corrected: _Comparison | None
-    lag: Lag
-    timestep: float
     tolerance: float
 
     @property
@@ -217,15 +193,6 @@ class FileJudgement:
 
 
 @dataclass(frozen=True)
-class Order:
-    """Order of convergence of an error over several files; None if the errors fit no power law."""
-
-    measure: str
-    order: float | None
-    stderr: float | None = None
-
-
-@dataclass(frozen=True)
 class Judgement:
     """Hold the judgement of trajectories of one scene.
 
@@ -234,9 +201,7 @@ class Judgement:
     scene : Scene
         The scene that the trajectories were judged by.
     files : tuple of FileJudgement
-        The judgement of each trajectory, the one with the longest step first.
-    orders : tuple of Order
-        The orders of convergence of path and attitude. Empty unless the files differ in their step.
+        The judgement of each trajectory.
 
     Examples
     --------
@@ -245,13 +210,12 @@ class Judgement:
     >>> scene = rb.load_scene("fig12")
     >>> rb.integrate(scene, 1.0).save("run.csv")
     >>> judgement = judge(scene, "run.csv")
-    >>> [file.name for file in judgement.files], judgement.orders
-    (['run.csv'], ())
+    >>> [file.name for file in judgement.files]
+    ['run.csv']
     """
 
     scene: Scene
     files: tuple[FileJudgement, ...]
-    orders: tuple[Order, ...]
 
     @property
     def agrees(self) -> bool:
@@ -263,7 +227,6 @@ def judge(
     scene: Scene | str | Path,
     files: Sequence[Path | str | Trajectory] | Path | str | Trajectory,
     *,
-    timesteps: Sequence[float] = (),
     tolerance: float = TOLERANCE,
     progress: Callable[[float], None] | None = None,
 ) -> Judgement:
@@ -275,9 +238,6 @@ def judge(
         The scene that the trajectories are motions of, its name or its file.
     files : str, Path, Trajectory, or sequence of them
         The files, or trajectories as `read_trajectory` returns them.
-    timesteps : sequence of float, s, optional
-        The step of the engine in each file. The default is the step in the file's header, or the
-        interval of its samples.
     tolerance : float, default 0.01
         The largest error of path, height over the radius, momentum and hinge rates, relative, and
         of the attitude in rad.
@@ -287,7 +247,7 @@ def judge(
     Returns
     -------
     Judgement
-        The errors and the mistakes of each trajectory, and the orders of convergence.
+        The errors and the mistakes of each trajectory.
 
     Raises
     ------
@@ -306,11 +266,9 @@ def judge(
     (True, ())
     """
     scene = scene_of(scene)
-    given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
-    if timesteps and len(timesteps) != len(given):
-        raise InputError(f"each file needs its timestep: {len(given)}, not {len(timesteps)}")
+    several = [files] if isinstance(files, Path | str | Trajectory) else list(files)
     trajectories = [
-        each if isinstance(each, Trajectory) else read_trajectory(each) for each in given
+        file if isinstance(file, Trajectory) else read_trajectory(file) for file in several
     ]
     for trajectory in trajectories:
         if (end := float(trajectory.times[-1])) > _LONGEST * scene.duration:
@@ -319,14 +277,12 @@ def judge(
                 f"{scene.duration:g} s; if t is in another unit, call the column t [ms], t [us] "
                 "or t [ns]"
             )
-    steps = timesteps or map(_timestep_of, trajectories)
     judged = []
-    for trajectory, timestep in zip(trajectories, steps, strict=True):
-        judged.append(_judged(scene, _thinned(trajectory), timestep, tolerance))
+    for trajectory in trajectories:
+        judged.append(_judged(scene, _thinned(trajectory), tolerance))
         if progress is not None:
             progress(len(judged) / len(trajectories))
-    judged.sort(key=lambda file: -file.timestep)
-    return Judgement(scene, tuple(judged), tuple(_orders(judged)))
+    return Judgement(scene, tuple(judged))
 
 
 def _thinned(trajectory: Trajectory) -> Trajectory:
@@ -341,59 +297,21 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
     return trajectory
 
 
-def _timestep_of(trajectory: Trajectory) -> float:
-    """Return the engine's step in the file's header, or the median interval of the rows [s]."""
-    with contextlib.suppress(ValueError):
-        if 0 < (step := float((trajectory.header or {}).get("timestep", ""))) <= LARGEST:
-            return step
-    return float(np.median(np.diff(trajectory.times)))
-
-
-def _judged(
-    scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
-) -> FileJudgement:
+def _judged(scene: Scene, trajectory: Trajectory, tolerance: float) -> FileJudgement:
     plain = _compare(recorded(scene, trajectory), reference_of(scene, trajectory.times))
     search = Search(trajectory, plain.theory)
     corrected = None
     if search.mistakes:
         corrected = _compare(recorded(search.scene, search.corrected), search.theory)
-    lag = lag_of(rows_of(search.corrected, search.at), (corrected or plain).theory)
-    return FileJudgement(trajectory, plain, search, corrected, lag, timestep, tolerance)
-
-
-def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
-    """Yield the orders of path and attitude, if the files have at least two different steps."""
-    steps = [file.timestep for file in judged]
-    if len(set(steps)) < 2:
-        return
-    for measure in ("path_error", "attitude_error"):
-        name, errors = measure.replace("_", " "), [getattr(file.best, measure) for file in judged]
-        if len(set(steps)) < LEAST and all(errors):
-            slope = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
-            yield Order(name, float(slope))
-        else:
-            fit = fit_order(steps, errors)
-            yield Order(name, *((fit.order, fit.stderr) if fit else (None, None)))
+    return FileJudgement(trajectory, plain, search, corrected, tolerance)
 
 
 def _show(judgement: Judgement, console: Console) -> None:
-    """Print each file's errors and mistakes, then the orders."""
     for file in judgement.files:
         console.print(escape(f"{file.name} as a motion of {judgement.scene.name}"), style="bold")
         for line in lines(file):
             console.print(escape(f"  {line}"), soft_wrap=True)
         print_whole(_table(file), console)
-    for order in judgement.orders:
-        result = "the errors follow no power of the step"
-        if order.order is not None:
-            spread = "from two files" if order.stderr is None else f"± {order.stderr:.2g}"
-            result = f"order {order.order:.2f} ({spread})"
-        console.print(f"convergence of the {order.measure}: {result}")
-    if len(judgement.files) > 1 and not judgement.orders:
-        step = judgement.files[0].timestep
-        console.print(
-            f"no order of convergence: all files have the step {step:g} s; use --timestep"
-        )
 
 
 def lines(judged: FileJudgement) -> list[str]:
@@ -422,12 +340,6 @@ def lines(judged: FileJudgement) -> list[str]:
         report.append(f"{'WRONG' if mistake.sure else 'PERHAPS'}: {names}{left}")
     if judged.corrected is not None:
         report += [f"without that: {line}" for line in (_errors(best), *_contact(best))]
-    if judged.lag.explains:
-        late = "late" if judged.lag.shift > 0 else "early"
-        report.append(
-            f"LAG: the file is {abs(judged.lag.shift):.4g} s {late}, which explains "
-            f"{1 - judged.lag.after / judged.lag.before:.0%} of the remaining error"
-        )
     return [*report, _verdict(judged)]
 
 
@@ -501,12 +413,11 @@ def _record(judgement: Judgement) -> dict[str, Any]:
         "rolling": judgement.scene.rolling,
         "agrees": judgement.agrees,
         "files": [_file(file) for file in judgement.files],
-        "orders": [asdict(order) for order in judgement.orders],
     }
 
 
 def _file(judged: FileJudgement) -> dict[str, Any]:
-    names = ("timestep", "tolerance", "agrees", "covers", "too_short", "other_scene")
+    names = ("tolerance", "agrees", "covers", "too_short", "other_scene")
     return {
         "file": judged.name,
         "engine": judged.plain.motion.engine.name,
@@ -516,7 +427,6 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
         **_measures(judged.plain),
         "mistakes": [asdict(mistake) for mistake in judged.mistakes],
         "without_mistakes": None if judged.corrected is None else _measures(judged.corrected),
-        "lag": asdict(judged.lag) | {"explains": judged.lag.explains},
         "notes": list(judged.trajectory.notes),
     }
 
@@ -532,24 +442,15 @@ def _measures(comparison: _Comparison) -> dict[str, Any]:
     return {name: known(value) for name, value in numbers.items()}
 
 
-def judge_files(
-    scene: Scene,
-    files: Sequence[Path],
-    timesteps: Sequence[float],
-    tolerance: float,
-    json: Path | None,
-) -> int:
+def judge_files(scene: Scene, files: Sequence[Path], tolerance: float, json: Path | None) -> int:
     """Judge trajectory files of a scene, show and write the judgement; return the exit status."""
     if not files:
         raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")
     check_positive("tolerance", tolerance, "")
-    for step in timesteps:
-        check_positive("timestep", step, "s")
     with progress_bar(1) as bar:
         judgement = judge(
             scene,
             files,
-            timesteps=timesteps,
             tolerance=tolerance,
             progress=lambda part: bar(part, f"{scene.name}: judging"),
         )

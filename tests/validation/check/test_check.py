@@ -28,7 +28,7 @@ from validation.check.ablate import Checked, check_model, motions_of
 from validation.check.propose import too_high_gain
 from validation.check.say import causes_of
 from validation.studies.engine_runs import fixed_work
-from validation.studies.timing import bare_loop
+from validation.studies.measuring import bare_loop
 
 FIRST = Path("examples/first_robot.xml").absolute()
 # The first robot by the recipe, in which each planted error is the only one.

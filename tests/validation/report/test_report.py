@@ -1,6 +1,5 @@
 """Reports: self-contained pages with numbers, texts and charts, also in a browser."""
 
-import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -15,13 +14,11 @@ from robotball.view.tracks import LineStyle
 from tests.browser import Browser, needs_browser, opened
 from tests.conftest import Robotball
 from tests.messages import unnamed
-from tests.robotball.files.test_files import check_length
 from validation import Agreement, compare
 from validation.output import program, together
 from validation.plots import LEAST
 from validation.report.chart import Line, chart, legend, ticks
 from validation.report.scene_report import friction_needed, report, sentence
-from validation.report.study_report import study_report
 
 TIMES = rb.sample_times(1.0)
 COMMAND = "robotball report fig12 --preset naive,fast"
@@ -185,30 +182,6 @@ def test_a_page_is_printed_dark_on_white(browser: Browser) -> None:
     assert 3 <= sheets <= 8  # measured 5
 
 
-# Studies -----------------------------------------------------------------------------------
-
-
-def test_a_studys_record_is_tables_and_pictures(robotball: Robotball, tmp_path: Path) -> None:
-    """It has plain values, lists, and the PNGs of the study.
-
-    Half a character in JSON, which UTF-8 does not have, is replaced.
-    """
-    runs = [{"name": "a <b>", "error": 1.23456e-7, "deep": [1]}]
-    record = {
-        "scene": "fig12",
-        "title": "half \ud800",
-        "runs": runs,
-        "versions": {"robotball": "9"},
-    }
-    (tmp_path / "s.json").write_text(json.dumps(record))
-    (tmp_path / "s.png").write_bytes(b"\x89PNG")
-    assert robotball("report", "s.json")[0] == 0
-    made = (tmp_path / "out" / "s-report.html").read_text("utf-8")
-    for text in ("<td>fig12</td>", "half ?", "a &lt;b&gt;", "1.235e-07", "data:image/png;base64,"):
-        assert text in made
-    assert "deep" not in made
-
-
 def test_a_report_of_a_motorized_scene_has_the_loads(page: str) -> None:
     """Each driven hinge has torque, rate and power with units."""
     for text in (
@@ -234,16 +207,6 @@ def test_a_command_to_repeat_is_on_the_readers_path(
     monkeypatch.setattr("sys.argv", [started.format(here=Path.cwd())])
     monkeypatch.setattr("validation.output.which", lambda _: "/x/bin/robotball")
     assert program() == words
-
-
-def test_the_name_of_a_record_is_not_a_pattern(tmp_path: Path) -> None:
-    """`**` in a name is not an error, and `a*.json` does not match the pictures of `ab.json`."""
-    for name in ("a*", "a**"):
-        (tmp_path / f"{name}.json").write_text('{"versions": {}}')
-        (tmp_path / "ab.png").write_bytes(b"\x89PNG")
-        assert "<img" not in study_report(tmp_path / f"{name}.json")
-        (tmp_path / f"{name}-1.png").write_bytes(b"\x89PNG")
-        assert f'<img alt="{name}-1"' in study_report(tmp_path / f"{name}.json")
 
 
 def test_the_command_writes_a_page_of_several_scenes(robotball: Robotball, tmp_path: Path) -> None:
@@ -297,8 +260,3 @@ def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
     assert len(points) == 400
     across, up = np.ptp(points, axis=0)
     assert across / up == pytest.approx(30 / 2, rel=0.01)  # measured 15.02
-
-
-def test_a_study_is_read_from_a_plain_file_of_a_limited_length(tmp_path: Path) -> None:
-    """The limits for files of users apply."""
-    check_length(study_report, tmp_path / "study.json")

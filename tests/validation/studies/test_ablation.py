@@ -22,7 +22,7 @@ from validation.studies.ablation import (
     each_undone,
     without,
 )
-from validation.studies.timing import Cost
+from validation.studies.measuring import Cost
 
 pytestmark = pytest.mark.filterwarnings("ignore::robotball.SceneWarning")
 FIG12, NAMES = rb.load_scene("fig12"), [choice.name for choice in CHOICES]

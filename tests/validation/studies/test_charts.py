@@ -1,8 +1,7 @@
-"""Charts of the largest exponent, diagrams of the section, and the same points with MuJoCo."""
+"""Charts of the largest exponent over two numbers."""
 
 import csv
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from scipy.spatial.transform import Rotation
 import robotball as rb
 from robotball.dynamics.long_run import exponents_of
 from robotball.dynamics.motion_branches import varied
-from robotball.dynamics.sections import sections_of
 from robotball.robot import formulas as eq
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.theory.ensembles.orbits import Integers, kernel_start
@@ -24,7 +22,7 @@ from tests.conftest import Robotball
 from tests.messages import naming
 from validation.options import Sweep
 from validation.studies import charts
-from validation.studies.charts import chart_study, measure, measure_contact, refined, word_of
+from validation.studies.charts import chart_study, measure, refined
 from validation.sweeps import Result
 
 TIMES = (4.0, 7.0)  # s, the interval of λ₁
@@ -137,39 +135,19 @@ def test_refining_only_adds_points_and_finds_the_whole_border(dimensions: int) -
     assert np.array_equal(np.abs(grid) > 0.2, np.abs(everywhere) > 0.2)
 
 
-def test_a_followed_motion_begins_at_the_end_of_the_previous_one() -> None:
-    """At three equal values the crossings form one motion; without following, they are equal."""
-    ball, attitudes, momenta = kernel_start(rb.load_scene("fig12"))
-    whole = sections_of(ball, attitudes, momenta, 300, direction=1).L[0] / 5
-    for follow, expected in ((True, whole), (False, np.tile(whole[:100], 3))):
-        example_cell = cell("fig12", {"Omega": [2.0, 2.0, 2.0]}, follow=follow, skipped=0)
-        crossings = np.array([row["crossings"] for row in measure(example_cell)["rows"]])
-        # Measured 1.5e-9: a new start changes the steps.
-        assert crossings[..., 0].ravel() == pytest.approx(expected, abs=1e-6)
-
-
-def test_a_regular_motion_is_named_by_its_crossings() -> None:
-    """Cases: period 3 with jumps of l by 2π; a circle wound irrationally; growth."""
-    three = [[0.1, -3.1], [0.2, 0.5], [0.1, 0.4]] * 10
-    three[3] = [0.1, -3.1 + 2 * math.pi]
-    assert word_of((5.0, 5.0), three) == "cycle of 3"
-    assert word_of((5.0, 5.0), [[math.cos(n * 3.883), n * 3.883] for n in range(100)]) == "torus"
-    words = [
-        word_of(halves, []) for halves in ((31.0, 31.0), (31.0, 5.0), (5.0, -31.0), (5.0, 5.0))
-    ]
-    assert words == ["chaotic", "transient chaos", "straight line", "regular"]
-
-
-@pytest.mark.parametrize("scene", ["fig14", "classical_chaotic"])
-def test_mujoco_repeats_a_point_of_a_chart(scene: str) -> None:
-    """With designed bodies, λ₁ over 20 s equals the equations' λ₁, and not that of another K."""
-    times: Any = {"preset": "fast", "duration": 40.0, "transient": 10.0}
-    near, far = (cell(scene, {"K": [K], "Omega": [1.5]}, **times) for K in (3.0, 3.1))
-    (row,) = measure_contact(near)["rows"]
-    # Measured 1.0e-5 and 1.2e-5: the error of steps of 20 ms, times e².
-    for expected in (row["alongside"], measure(near)["rows"][0]["largest"]):
-        assert row["contact"] == pytest.approx(expected, abs=5e-5)
-    assert abs(row["contact"] - measure(far)["rows"][0]["largest"]) > 0.01
+@pytest.mark.parametrize(
+    ("growths", "kind"),
+    [
+        ((31.0, 31.0), "chaotic"),
+        ((31.0, 5.0), "transient chaos"),
+        ((5.0, -31.0), "straight line"),
+        ((5.0, 5.0), "regular"),
+    ],
+)
+def test_the_growth_of_a_neighbour_decides_the_kind(
+    growths: tuple[float, float], kind: str
+) -> None:
+    assert charts._kind_of(*growths) == kind
 
 
 def test_a_chart_goes_on_where_it_was_ended(robotball: Robotball, tmp_path: Path) -> None:
@@ -199,7 +177,7 @@ def test_cells_without_a_result_are_reported_with_a_reason(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """If all cells fail, the command is refused; otherwise they are listed below the chart."""
-    lost: list[int] = [0, 1, 2]
+    lost: list[int] = [*range(9)]
 
     def results(sweep: Sweep, work: Any, cells: Any, *of: Any) -> list[Result]:
         return [
@@ -210,11 +188,11 @@ def test_cells_without_a_result_are_reported_with_a_reason(
     monkeypatch.setattr(Sweep, "results", results)
     monkeypatch.setattr(charts, "_CHUNK", 1)
     sweep = Sweep(out=tmp_path)
-    options: Any = "fig14", "K=2:4", sweep, 3, 0, False, 20.0, 10.0, None
+    options: Any = "fig14", "K=2:4,Omega=2:2.1", sweep, 3, 0, 20.0, 10.0
     with pytest.raises(rb.InputError, match=naming("[3]~s")):
         chart_study(*options)
     lost[:] = [1]
     assert sweep.present(chart_study(*options)) == 0
     printed = capsys.readouterr().out
-    assert "motions: 2, " in printed
+    assert "motions: 8, " in printed
     assert "[3] s" in printed

@@ -17,7 +17,7 @@ from validation.output import write_picture
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
 from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
-from validation.studies.orders import Order, fit_order, stalled_at
+from validation.studies.measuring import Order, fit_order, stalled_at
 
 SOFT = ("softness", "noslip")
 

@@ -22,8 +22,9 @@ from robotball.engines.mujoco.settings import NAIVE, recipe
 from robotball.robot.motors import Servo
 from tests.conftest import Robotball
 from tests.messages import unnamed
+from tests.robotball.scene_files.scene_texts import PLATE
 from tests.validation.examples import example
-from validation.studies import timing
+from validation.studies import measuring
 from validation.studies.cost import (
     TARGET,
     cells_of,
@@ -35,12 +36,26 @@ from validation.studies.cost import (
     options_of,
     settings_with,
 )
-from validation.studies.timing import Cost, measure_costs, simulated_second
+from validation.studies.measuring import Cost, measure_costs, simulated_second
 from validation.study import Row, pareto_front, scene_cell
 from validation.sweeps import Result
 
 FIG12 = rb.load_scene("fig12")
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)
+
+
+def test_a_cell_depends_on_the_values_of_its_controls(tmp_path: Path) -> None:
+    """So a journal cannot mix results of two tables with the same name."""
+    robot, table = tmp_path / "mybot.xml", tmp_path / "fly.csv"
+    robot.write_text(PLATE)
+    cells = []
+    for end in (20, 30):
+        table.write_text(f"t,value\n0,0\n1,{end}\n")
+        cells.append(scene_cell(str(robot), 0.5, [f"fly={table}"]))
+    first, other = cells
+    assert first["control"] == [f"fly={table}"]
+    assert first | {"digest": other["digest"]} == other != first
+    assert "control" not in scene_cell("fig12", 0.5)
 
 
 def beats(a: tuple[int, int], b: tuple[int, int]) -> bool:
@@ -203,7 +218,7 @@ def test_the_parts_are_listed_with_their_costs() -> None:
 def test_a_machine_that_slows_down_changes_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     """Work that takes twice as long as the bare loop costs 2, even if the speed drifts."""
     speed: Iterator[float] = itertools.count(1.0, 0.5)
-    monkeypatch.setattr(timing, "bare_loop", lambda: next(speed))
+    monkeypatch.setattr(measuring, "bare_loop", lambda: next(speed))
     # The loops before and after each work take `now` and `now` + 0.5.
     seen = iter([2 * (1.25 + 0.5 * n) for n in range(8)])
     costs = measure_costs([lambda: next(seen), lambda: next(seen)], rounds=3)
@@ -224,5 +239,5 @@ def test_cost_is_of_a_simulated_second(monkeypatch: pytest.MonkeyPatch) -> None:
     motion = run(model, times)
     slow = replace(motion, report=replace(motion.report, seconds=3.0))
     for result in (slow, replace(slow, times=times[:5])):
-        monkeypatch.setattr(timing, "run", lambda *_, result=result: result)
+        monkeypatch.setattr(measuring, "run", lambda *_, result=result: result)
         assert simulated_second(model, times)() == pytest.approx(1.5)

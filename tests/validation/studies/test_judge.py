@@ -21,7 +21,7 @@ from tests.messages import naming, unnamed, untold
 from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot_scene
 from validation import judge
-from validation.studies import judge_search
+from validation.studies import mistakes
 from validation.studies.judge import FileJudgement, lines
 
 NAMES = ("fig12", "classical_regular", "wobbling_drive", "three_rotors", "classical_chaotic")
@@ -173,22 +173,6 @@ def test_a_clock_that_is_a_hundredth_off_is_named(number: int, factor: float) ->
     verdict = judged(scene, replace(right, times=factor * right.times))
     assert untold([f"times {factor:g}"], [mistake.name for mistake in verdict.mistakes]) == []
     assert verdict.best.path_error < 1e-6  # measured 2e-8; the factor is fitted
-
-
-@pytest.mark.parametrize(("shift", "facts"), [(0.02, "0.02~s late"), (-3e-4, "0.0003~s early")])
-def test_a_shift_in_time_is_found(shift: float, facts: str) -> None:
-    """With an exact engine it is found to a millionth of a second, and no mistake is named.
-
-    Measured: 3e-9 s off, and errors 1e4 times smaller or better.
-    """
-    right = exact(FIG12)
-    keep = right.times + shift >= 0
-    times, position = (right.times + shift)[keep], right.position[keep]
-    verdict = judged(FIG12, rb.Trajectory("run.csv", times, position, right.attitude[keep]))
-    assert verdict.mistakes == ()
-    assert verdict.lag.explains
-    assert verdict.lag.shift == pytest.approx(shift, abs=1e-6)
-    assert any(not unnamed(facts, line) for line in lines(verdict))
 
 
 def with_rate(hinge: int, factor: float) -> InScene:
@@ -419,36 +403,6 @@ def test_a_long_file_is_judged_by_some_of_its_rows(monkeypatch: pytest.MonkeyPat
     assert verdict.plain.path_error == pytest.approx(off, rel=1e-6)
 
 
-def test_files_of_several_steps_have_an_order() -> None:
-    """Path errors proportional to the step, attitude errors to its square, give 1 and 2.
-
-    The steps come from the option or from the header. An error of 0 has no order.
-    """
-    steps, right = (4e-3, 2e-3, 1e-3), exact(FIG12, rows=20)
-    files = [
-        replace(
-            right,
-            position=(1 + 0.1 * step) * right.position,
-            attitude=multiply(right.attitude, np.array([[1.0, step**2, 0.0, 0.0]])),
-            header={"timestep": str(step)},
-        )
-        for step in steps
-    ]
-    for timesteps in (steps, ()):
-        judgement = judge(FIG12, files if timesteps else files[:2], timesteps=timesteps)
-        orders = {order.measure: order for order in judgement.orders}
-        assert list(orders) == ["path error", "attitude error"]
-        assert orders["path error"].order == pytest.approx(1.0, abs=1e-4)
-        assert orders["attitude error"].order == pytest.approx(2.0, abs=1e-4)
-        assert (orders["path error"].stderr is None) == (timesteps == ())
-    assert judge(FIG12, [replace(file, header=None) for file in files]).orders == ()
-    exact_in_attitude = [replace(file, attitude=right.attitude) for file in files[:2]]
-    assert [order.order is None for order in judge(FIG12, exact_in_attitude).orders] == [
-        False,
-        True,
-    ]
-
-
 def test_a_file_in_milliseconds_is_refused_with_the_unit() -> None:
     """The message names the last time and the scene's duration."""
     file = exact(FIG12)
@@ -498,7 +452,7 @@ def test_a_mistake_that_leaves_more_than_a_tenth_is_not_called_wrong(
     verdict = judged(scene, file)
     assert untold(["plane slopes"], [mistake.name for mistake in verdict.mistakes]) == []
     assert any(line.startswith("WRONG") for line in lines(verdict))
-    monkeypatch.setattr(judge_search, "mistaken_scenes", lambda *_: ())
+    monkeypatch.setattr(mistakes, "_mistaken_scenes", lambda *_: ())
     verdict = judged(scene, file)
     assert verdict.mistakes[0].left > 0.1  # measured 0.149 in the attitude
     assert not any(line.startswith("WRONG") for line in lines(verdict))

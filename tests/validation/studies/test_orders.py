@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.studies.orders import fit_order, stalled_at
+from validation.studies.measuring import fit_order, stalled_at
 
 STEPS = 0.1 * 0.5 ** np.arange(8)
 

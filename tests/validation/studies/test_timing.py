@@ -2,8 +2,8 @@
 
 import pytest
 
-from validation.studies import timing
-from validation.studies.timing import Cost, measure_costs
+from validation.studies import measuring
+from validation.studies.measuring import Cost, measure_costs
 
 
 def test_a_cost_is_a_ratio_to_the_bare_loops_around_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -18,7 +18,7 @@ def test_a_cost_is_a_ratio_to_the_bare_loops_around_it(monkeypatch: pytest.Monke
         latest[0] = next(speed)
         return latest[0]
 
-    monkeypatch.setattr(timing, "bare_loop", loop)
+    monkeypatch.setattr(measuring, "bare_loop", loop)
     # The loop after a work takes 4/3 of the loop before it; their mean is 7/6.
     shown: list[int] = []
     works = [lambda factor=factor: factor * latest[0] * 7 / 6 for factor in (2.0, 0.5)]

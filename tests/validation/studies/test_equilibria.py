@@ -5,7 +5,7 @@ import pytest
 from robotball.dynamics.cycles import limit_cycles
 from robotball.dynamics.equilibria import fixed_circle, fixed_points
 from tests.figures import from_rest
-from validation.portrait import portrait
+from validation.studies.equilibria import portrait
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,406 @@
+"""The commands for builders of robots, from `check` to `export`, and `scenes`."""
+
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from .. import options
+
+if TYPE_CHECKING:
+    from robotball.design.steering import WantedPath
+
+    from ..check.ablate import Checked
+
+_ACCURACY = 1e-3  # relative path error that counts as agreement
+
+
+def check(
+    file: Path,
+    /,
+    *,
+    shell: Annotated[str | None, Parameter(metavar="NAME")] = None,
+    rolling: Literal["rubber", "classical"] | None = None,
+    keyframe: Annotated[str | None, Parameter(metavar="NAME")] = None,
+    control: options.Controls = (),
+    accuracy: Annotated[float, Parameter(metavar="ERROR")] = _ACCURACY,
+    duration: options.Seconds | None = None,
+    out: options.Out = options.OUT,
+    json: options.JsonFile = None,
+) -> int:
+    """Say whether an MJCF or URDF robot rolls as it should; if not, which setting is wrong.
+
+    Writes a mended file, a page and a picture. Your own file is not changed.
+
+    Example: robotball check mybot.xml
+
+    Parameters
+    ----------
+    file
+        The MJCF or URDF file of the robot.
+    shell
+        The body or geom that rolls. Default: the largest sphere.
+    rolling
+        The rolling model. Default: the one that is nearer.
+    keyframe
+        The keyframe to start at. Default: the first one.
+    accuracy
+        Largest path error, relative to the path length, that counts as agreement.
+    duration
+        Simulated time. Default: 10 s.
+    """
+    from robotball.errors import check_positive
+
+    from ..check.ablate import motions_of
+    from ..check.say import difference, page_of, study_of
+    from ..output import writable_folder, write_text
+    from ..study import present
+
+    check_positive("accuracy", accuracy, "")
+    writable_folder(out)
+    checked, notes = checked_robot(file, shell, rolling, keyframe, control, accuracy, duration)
+    study = study_of(checked, notes)
+    picture, html = (out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
+    present(study, picture, json, None)
+    write_text(html, page_of(study, checked, picture, motions_of(checked)))
+    print(picture, html, sep="\n")
+    if checked.needed:
+        mended = out / f"{file.stem}-mended.xml"
+        write_text(mended, checked.text)
+        print(mended, *difference(checked), sep="\n")
+    return options.AGREES if checked.agrees else options.DISAGREES
+
+
+def checked_robot(
+    file: Path,
+    shell: str | None = None,
+    rolling: Literal["rubber", "classical"] | None = None,
+    keyframe: str | None = None,
+    control: tuple[str, ...] = (),
+    accuracy: float = _ACCURACY,
+    duration: float | None = None,
+) -> "tuple[Checked, list[str]]":
+    """Return the outcome of the check, and the lines to print before it."""
+    from robotball.engines.mujoco.user_model import UserModel
+    from robotball.errors import mujoco_silent, named
+    from robotball.robot.drives import as_drive
+    from robotball.scene_files.scene_keys import ask
+    from robotball.user_model.robot_file import open_robot, starts_off
+
+    from ..check.ablate import check_model
+    from ..check.observe import made_to_move
+    from ..output import progress_bar
+    from ..results import controls_of
+
+    with mujoco_silent():  # or MuJoCo writes its warnings into the current folder
+        robot = open_robot(file, shell)
+        seconds = 10.0 if duration is None else duration
+        controls = {name: as_drive(value, seconds) for name, value in controls_of(control).items()}
+        user, moves = made_to_move(UserModel(robot, controls, keyframe))
+        start = user.begin()
+        with named(file):
+            notes = [*robot.notes, *starts_off(robot, start), *moves]
+        ask(file, user.scene(rolling or "classical", seconds))
+        with progress_bar(1) as show:
+            return check_model(user, rolling, seconds, accuracy, show), notes
+
+
+def fit(
+    scene: options.SceneName,
+    /,
+    *logs: Path,
+    free: options.Names = (),
+    also: options.Names = (),
+    noise: options.Names = (),
+    loss: Literal["linear", "soft_l1", "huber", "cauchy", "arctan"] = "linear",
+    all: bool = False,
+    engine: Annotated[str, Parameter(metavar="ENGINE")] = "mujoco",
+    preset: options.Names = (),
+    out: options.Out = options.OUT,
+    json: options.JsonFile = None,
+) -> int:
+    """Find the masses, positions, gains and resistances that explain a robot's logs.
+
+    Several logs are fitted together, except the last one, which tests the result. Writes the fitted
+    scene and a page. docs/fitting.md describes the columns of a log, and which motion reveals which
+    number.
+
+    Exit status: 0 if the model explains the logs; 1 if it does not, if the logs do not constrain
+    the numbers, or if a number ends at its limit; 2 if the scene or a log cannot be used.
+
+    Example: robotball fit pendulum_robot run.csv --free battery.mass,frame.kv
+
+    Parameters
+    ----------
+    logs
+        CSV, NPZ or Parquet files of the sensor readings.
+    free
+        Numbers to find, by their paths or the last words of these; with limits as frame.kv=0.1:0.8.
+    also
+        What else to find for each log: world.yaw, world.origin, position.marker, gyro.bias,
+        accelerometer.place, commands.delay, sensors.clock, SENSOR.clock, SENSOR.scale,
+        HINGE_angle.zero.
+    noise
+        Standard deviation of a sensor's noise in SI units, as gyro=0.02. Default: estimated.
+    loss
+        Loss of scipy's least_squares; every loss except linear tolerates outliers.
+    all
+        Fit all logs, and hold none out.
+    engine
+        The engine of the presets.
+    preset
+        Also fit with these presets of the engine, to see how its contact shifts the numbers.
+    """
+    from ..studies.fitting import fit_logs
+
+    return fit_logs(
+        scene, logs, free, also=also, noise=noise, loss=loss,
+        hold_out=not all, engine=engine, presets=preset, out=out, json=json,
+    )  # fmt: skip
+
+
+def judge(
+    scene: options.SceneName,
+    /,
+    *files: Path,
+    control: options.Controls = (),
+    tolerance: Annotated[float, Parameter(metavar="ERROR")] = options.TOLERANCE,
+    json: options.JsonFile = None,
+) -> int:
+    """Say how far a trajectory from any simulator is off, and which mistake explains the error.
+
+    docs/trajectories.md describes the columns. 'robotball export' writes what an engine needs.
+
+    Example: robotball judge fig12 fig12-export/reference.csv
+
+    Parameters
+    ----------
+    files
+        CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz.
+    tolerance
+        Largest errors that agree: relative for path, height, momentum and rates; in rad for the
+        attitude.
+    """
+    from ..results import controlled
+    from ..studies.judge import judge_files
+
+    return judge_files(controlled(scene, control), files, tolerance, json)
+
+
+_NEAR_PATH = 1e-3  # of the path's length: how near to it a robot that is steered must come
+_Metres = Annotated[float, Parameter(metavar="M")]
+_Rate = Annotated[float, Parameter(metavar="RAD/S")]
+
+
+def design(
+    scene: options.SceneName,
+    /,
+    *,
+    mass: Annotated[float | None, Parameter(metavar="KG")] = None,
+    rotor_speed: _Rate = math.inf,
+    frame_radius: _Metres | None = None,
+    shell_thickness: _Metres = 0.0,
+    out: options.Out = options.OUT,
+) -> int:
+    """Find bodies that give the A, Ω and K of a scene; print them, and write a scene with them.
+
+    Example: robotball design fig12 --rotor-speed 20
+
+    Parameters
+    ----------
+    mass
+        Mass of the ball. Default: the best one.
+    rotor_speed
+        Largest speed of a rotor.
+    frame_radius
+        Radius within which the frame must lie. Default: the shell's radius.
+    shell_thickness
+        Thickness of a homogeneous shell; 0 for a thin one.
+    """
+    from robotball import Limits, load_scene, scene_toml
+    from robotball.design.designing import describe, redesign
+
+    from ..output import writable_folder, write_text
+    from ..results import changed, file_name
+
+    limits: dict[str, Any] = {
+        "rotor_speed": rotor_speed,
+        "frame_radius": frame_radius,
+        "shell_thickness": shell_thickness,
+    }
+    found, designed = redesign(load_scene(scene), mass, Limits(**limits))
+    name = file_name(designed.name, None, changed(design, mass=mass, **limits))
+    path = writable_folder(out) / f"{name}.toml"
+    write_text(path, scene_toml(replace(designed, name=name)))
+    print(describe(found), path, sep="\n")
+    return options.AGREES
+
+
+def steer(
+    scene: options.SceneName,
+    /,
+    *,
+    path: Literal["line", "circle", "eight"] = "line",
+    size: _Metres = 1.0,
+    turns: float = 1.0,
+    through: Annotated[str, Parameter(metavar="X,Y …")] = "",
+    duration: options.Seconds = 10.0,
+    rate_limit: _Rate = math.inf,
+    preset: options.PresetName | None = None,
+    out: options.Out = options.OUT,
+) -> int:
+    """Find the drives that roll a robot along a path, and check them in both engines.
+
+    The robot has two driven hinges. The path begins at the origin, along X. Writes the scene with
+    the drives, and pictures.
+
+    Example: robotball steer three_rotors --path circle --size 0.5
+
+    Parameters
+    ----------
+    path
+        Shape of the path.
+    size
+        Length of the line, radius of the circle, or half the length of the eight.
+    turns
+        Number of turns round the circle; a negative number turns right.
+    through
+        Points in m, in place of a shape: "1,0 1,1 0,1".
+    duration
+        Time of the motion, from rest to rest.
+    rate_limit
+        Largest speed of a hinge.
+    preset
+        Settings of the engine to check the drives with. Default: the engine's default.
+    """
+    import numpy as np
+
+    from robotball import load_scene, scene_toml
+    from robotball.design import steering
+
+    from ..agreement import compare
+    from ..output import writable_folder, write_text
+    from ..plots import draw
+    from ..results import changed, file_name
+
+    robot, wanted = load_scene(scene), _path_of(path, size, turns, through)
+    steered = steering.steer(robot, wanted, duration)
+    writable_folder(out)
+    words = changed(steer, size=size, turns=turns, through=through, duration=duration)
+    # The scene carries the name of its file, by which both pictures are called too.
+    driven = replace(steered.scene, name=file_name(steered.scene.name, None, words))
+    file = out / f"{driven.name}.toml"
+    write_text(file, scene_toml(driven))
+    agreement = compare(driven, steered.times, settings=preset)
+    theory = agreement.theory
+    off = float(np.linalg.norm(theory.contact_point - steered.wanted, axis=1).max())
+    print(f"{wanted.name} of {wanted.length:.4g} m in {duration:g} s")
+    print(f"{theory.engine.name}: at most {off:.2g} m off the path")
+    print(f"{agreement.motion.engine.name}: {agreement.verdict}")
+    most = (np.abs(each).max(axis=0) for each in (theory.hinge_rates, theory.loads.motor_torques))
+    for hinge, rate, torque in zip(robot.hinges, *most, strict=True):
+        print(f"{hinge.name}: up to {rate:.3g} rad/s and {torque:.3g} N m")
+    friction, torsion = theory.loads.sliding_friction, theory.loads.torsional_friction
+    print(f"friction: up to {friction.max():.3g}, torsional {torsion.max():.3g} m")
+    # Loads follow from accelerations, so they are known only from the motion.
+    missing = steering.shortfalls(robot, theory, rate_limit)
+    if off > _NEAR_PATH * wanted.length:
+        missing.append(f"it leaves the path by {off:.2g} m")
+    for line in missing:
+        print(f"cannot: {line}")
+    print(file, *draw([agreement], out), sep="\n")
+    return options.AGREES if agreement.agrees and not missing else options.DISAGREES
+
+
+def _path_of(shape: str, size: float, turns: float, through: str) -> "WantedPath":
+    from robotball.design import steering
+
+    if through:
+        return steering.through(_points_of(through))
+    if shape == "circle":
+        return steering.circle(size, turns)
+    return steering.eight(size) if shape == "eight" else steering.straight(size)
+
+
+def _points_of(text: str) -> list[tuple[float, float]]:
+    """Return the pairs X,Y of a text. Raises InputError for other texts."""
+    from robotball import InputError
+
+    try:
+        points = [(float(x), float(y)) for x, y in (pair.split(",") for pair in text.split())]
+    except ValueError:
+        points = []
+    if not points:
+        raise InputError(f'points are pairs like "1,0 1,1", not {text!r}')
+    return points
+
+
+def scenes() -> int:
+    """List the scenes of the catalog.
+
+    Example: robotball scenes
+    """
+    from rich import box
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from robotball.scene_files.scene_file import heads
+
+    from ..output import print_whole
+
+    table = Table("scene", "rolling", "duration", "title", box=box.SIMPLE_HEAD)
+    for name, head in heads().items():
+        table.add_row(name, head["rolling"], f"{head['duration']:g} s", escape(head["title"]))
+    print_whole(table, Console())
+    return options.AGREES
+
+
+def export(
+    scene: options.SceneName,
+    /,
+    *,
+    control: options.Controls = (),
+    out: Annotated[Path | None, Parameter(metavar="DIR")] = None,
+    preset: options.PresetName = "balanced",
+    duration: options.Duration = None,
+) -> int:
+    """Print a scene as MJCF, or write it as MJCF, URDF, SDF and JSON for other simulators.
+
+    'robotball judge' compares the other simulator's trajectory with the equations.
+
+    Example: robotball export fig12 --out fig12-export
+
+    Parameters
+    ----------
+    out
+        Write all formats into this folder instead of printing the MJCF.
+    preset
+        The settings that the MJCF has.
+    """
+    from robotball import export_scene
+    from robotball import preset as settings_of
+    from robotball.engines.mujoco.mjcf_export import write_model
+
+    from ..output import writable_folder, write_text
+    from ..results import controlled
+
+    ball, settings = controlled(scene, control), settings_of(preset)
+    ball = replace(ball, duration=options.seconds_of(duration, False, ball))
+    if out is None:
+        model = write_model(ball, settings)
+        print(model.xml, end="")
+        if model.needs is not None:
+            print(f"robotball: {model.needs}; --out DIR writes it", file=sys.stderr)
+        return options.AGREES
+    folder = writable_folder(out)
+    written = export_scene(ball, folder)
+    if not ball.plane_moves:  # MJCF cannot say how a plane moves
+        for name, text in write_model(ball, settings).files.items():
+            write_text(folder / name, text)
+            written.append(folder / name)
+    print(*sorted(written), sep="\n")
+    return options.AGREES

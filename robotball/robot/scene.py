@@ -23,7 +23,7 @@ from robotball.errors import (
     named,
 )
 from robotball.robot.ball import ROUNDING, Ball, Link, UserValue, Value, cached_array, imbalance
-from robotball.robot.drives import Constant, Drive, Rate, as_drive, turns
+from robotball.robot.drives import Constant, Drive, Rate, as_drive, sampling_error, turns
 from robotball.robot.formulas import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, as_floats, from_matrix, normalised, rotation_matrix, uneven
 
@@ -618,8 +618,6 @@ class Scene(Value):
 
     def sampling_error(self, end: float, timestep: float) -> float:
         """Return `sampling_error` of the scene's drives, in steps [s] of a run to `end` [s]."""
-        from robotball.robot.drive_sampling import sampling_error  # most scenes are steady
-
         stops = np.array([0.0, *(t for t in self.breakpoints if t < end), end])
         return sampling_error(self._over_time, stops, timestep)
 

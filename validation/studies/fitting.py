@@ -16,7 +16,7 @@ from rich.console import Console
 from robotball import InputError
 from robotball.engines.engine import request_of, run_request
 from robotball.files import MODEL_FILES
-from robotball.files.numbers import Numbers
+from robotball.files.scene_tables import Numbers
 from robotball.fit.evidence import Estimate, SensorFit
 from robotball.fit.fitting import Fit as Fitted
 from robotball.fit.fitting import fit

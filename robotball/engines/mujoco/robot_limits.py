@@ -7,7 +7,7 @@ import numpy as np
 from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.limits import Law, LimitCheck, PlannedRun, percent
 from robotball.motion import RATE_ERROR
-from robotball.robot.drive_sampling import seeing_step
+from robotball.robot.drives import seeing_step
 from robotball.robot.motors import Servo
 
 _MEASURED = 10.0  # s, the motions on which `low_weight` was measured

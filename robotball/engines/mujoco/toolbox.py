@@ -23,7 +23,7 @@ from robotball.robot.drives import as_drive
 from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.user_model.robot_numbers import RobotScene
+from robotball.user_model.mended_file import RobotScene
 
 sysid: Any = import_module("mujoco.sysid")  # an import would hide mujoco's types from mypy
 _FARTHEST = 100.0  # bound, in sizes of an unknown: the toolbox needs finite bounds

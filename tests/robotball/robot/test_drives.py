@@ -12,8 +12,7 @@ from scipy.integrate import quad
 
 import robotball as rb
 from robotball.motion import path_error
-from robotball.robot.drive_sampling import sampling_error
-from robotball.robot.drives import Constant, Drive, as_drive
+from robotball.robot.drives import Constant, Drive, as_drive, sampling_error
 from robotball.rotations import uneven
 from tests.messages import naming
 from tests.motions import pair_of

@@ -10,7 +10,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco import toolbox
 from robotball.fit.scene_numbers import numbers_of
-from robotball.user_model.robot_numbers import robot_numbers
+from robotball.user_model.mended_file import robot_numbers
 from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.robotball.fit.test_fitting import NOISE, log, off

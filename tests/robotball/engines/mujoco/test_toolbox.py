@@ -12,7 +12,7 @@ import robotball as rb
 from robotball.engines.mujoco import toolbox
 from robotball.fit.fitting import fit
 from robotball.rotations import Array, turned
-from robotball.user_model.robot_numbers import RobotNumbers, robot_numbers
+from robotball.user_model.mended_file import RobotNumbers, robot_numbers
 
 pytest.importorskip("tabulate", reason="the extra sysid is not installed")
 

@@ -1,20 +1,17 @@
 """Design a ball with the requested A, Ω, K and radius, or report why none exists.
 
-The inertia is divided between shell, frame and as few rotors as possible: a small convex problem.
+The inertia is divided between a shell, a frame and at most one rotor.
 
 A body enters the equations only through the second moments of its mass, Σ = ∫ r rᵀ dm =
 ½ tr(I) E - I. A body with Σ exists iff Σ is positive (for I: the triangle inequality), and its mass
-m fits within the radius r iff tr Σ <= m r². With s = d + J_s, a shell of equal moments and flat
-rings as rotors (axial inertias j, axes n, rates φ̇) leave to the frame
+m fits within the radius r iff tr Σ <= m r². With s = d + J_s, a shell of equal moments and a flat
+ring as the rotor (axial inertia j, axis n, rate φ̇) leave to the frame
 
-    2 Σ_frame = P - Σ j (E - n nᵀ),    P = tr(A⁻¹) E - 2 A⁻¹ - s E,
+    2 Σ_frame = P - j (E - n nᵀ),    P = tr(A⁻¹) E - 2 A⁻¹ - s E,
 
-and must provide h = K + sΩ = Σ j φ̇ n. Let w be the largest rate, g = h/w and T = Σ j. The rotors
-return N = Σ j n nᵀ, with trace T and N >= g gᵀ/T. At best, they add τ = T - |g|²/T in the direction
-in which Z = P - T E + g gᵀ/T is smallest. One rotor has T = |g| and τ = 0; two can add all of τ in
-one direction e. A third is useless: if Z has two negative eigenvalues, their sum plus τ increases
-as T decreases. All bounds are concave in (s, T), and almost so along T = |g(s)|, so s is found by
-an ascent, with an ascent in T for each s.
+and the rotor must provide h = K + sΩ = j φ̇ n. So j is |h| over the largest rate. All bounds are
+almost concave in s, which is found by an ascent. A second rotor would lower the necessary rate only
+if the rings may be large: for Fig. 12, from 19 to 12 rad/s with 0.9 m, but not at all with 0.6 m.
 
 Units in this file: tr(A⁻¹) = 1 [kg m²], shell radius = 1 m.
 
@@ -38,15 +35,16 @@ from robotball.robot.formulas import Parameters
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, as_floats
 
-_MOST_ROTORS = 2  # a third is useless; see the docstring of this file
 # Margin, relative to tr(A⁻¹), below which a design is refused because rounding would decide.
 _LEAST_MARGIN = 1e-9
-ROTOR_SHARE = 0.5  # fraction of the margin that makes a single rotor larger and slower
+_ROTOR_SHARE = 0.5  # fraction of the margin that makes the rotor larger and slower
 _NO_MOMENTUM = 1e-14  # relative to K: a smaller K + sΩ is zero
 _ROTOR_RADIUS = 0.6  # default, in frame radii
 # Radius allowed to a frame that does not fit, over the least possible one, which would leave the
 # other bounds no margin.
-WIDER = 1.1
+_WIDER = 1.1
+# Grid of a search: each round narrows the interval to 1/12, so 6 rounds reach 3e-7 of it.
+_GRID, _ROUNDS = np.linspace(0.0, 1.0, 25), 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,17 +54,17 @@ class Limits:
     Attributes
     ----------
     rotor_speed : float, rad/s
-        The largest rate of a rotor.
+        The largest rate of the rotor.
     frame_radius : float or None, m
         The radius within which the frame must fit. By default the inner radius of the shell.
     rotor_radius : float or None, m
-        The largest radius of a rotor. By default 0.6 of the frame's.
+        The largest radius of the rotor. By default 0.6 of the frame's.
     shell_mass : float, kg
         The least mass of the shell.
     frame_mass : float, kg
         The least mass of the frame.
     rotor_mass : float, kg
-        The least mass of each rotor.
+        The least mass of the rotor.
     shell_thickness : float, m
         The thickness of a homogeneous shell. 0 is a thin shell.
     buildable : bool
@@ -91,7 +89,7 @@ class Limits:
     buildable: bool = False
 
     def radii(self, radius: float) -> tuple[float, float]:
-        """Return the largest radii of frame and rotors in a shell of `radius` [m]."""
+        """Return the largest radii of frame and rotor in a shell of `radius` [m]."""
         inner = radius - self.shell_thickness
         frame = inner if self.frame_radius is None else self.frame_radius
         return frame, _ROTOR_RADIUS * frame if self.rotor_radius is None else self.rotor_radius
@@ -173,12 +171,12 @@ def design(
     mass: float | None = None,
     limits: Limits | None = None,
 ) -> Design:
-    """Design a ball with the requested A, Ω and K and as few rotors as possible.
+    """Design a ball with the requested A, Ω and K and at most one rotor.
 
-    The shell's axis is along Omega, or z if Omega is zero. The rotors are rings with Σ j φ̇ n = K +
-    (J_s + d)Ω, by (A.3) and K = k - dΩ. No rotor is needed if that can be zero, one if rates are
-    unlimited, and never more than two. The masses satisfy all bounds with the largest margin. A
-    frame that fits, or nearly so, has priority over fewer rotors.
+    The shell's axis is along Omega, or z if Omega is zero. The rotor is a ring with j φ̇ n = K +
+    (J_s + d)Ω, by (A.3) and K = k - dΩ. No rotor is needed if that can be zero. The masses satisfy
+    all bounds with the largest margin. A frame that fits, or nearly so, has priority over a ball
+    without a rotor.
 
     Parameters
     ----------
@@ -224,21 +222,17 @@ def design(
     _check_least_masses(request)
     needed = request.frame_radius
     # Unless the limits forbid it, a frame that does not fit is still simulated. It exceeds the
-    # least possible radius by 10 %, or by what the fewest rotors need.
-    shares = share(request, needed)
-    if (
-        shares is None
-        and not limits.buildable
-        and _largest_margin(request, math.inf) > _LEAST_MARGIN
-    ):
+    # least possible radius by 10 %, or by what a ball without a rotor needs.
+    shares, outside = _share(request, needed), _largest_margin(request, math.inf)
+    if shares is None and not limits.buildable and outside > _LEAST_MARGIN:
         needed = _least_frame_radius(request)
-        shares = share(request, WIDER * needed) or share(request, math.inf)
+        shares = _share(request, _WIDER * needed) or _share(request, math.inf)
     if shares is None:
         raise _refusal(request, limits, radius)
     return Design(
         ball=_ball(shares, B, Omega, K, radius, limits),
         limits=limits,
-        masses=masses_allowed(B, radius),
+        masses=_masses_allowed(B, radius),
         needed_radius=radius * needed,
     )
 
@@ -337,7 +331,7 @@ def _vector(name: str, v: ArrayLike) -> Array:
     return vector
 
 
-def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
+def _masses_allowed(B: Array, radius: float) -> tuple[float, float]:
     """Return Σb/5a² and (Σb - 2 max b)/a² [kg] for B = A⁻¹ (3, 3) [kg m²] and radius a [m].
 
     A ball needs at least the first mass to fit inside its shell, and at most the second to have a
@@ -350,7 +344,7 @@ def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
 def _check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits) -> None:
     """Raise InputError if no body of this mass has B = A⁻¹ (3, 3) [kg m²]."""
     b = np.linalg.eigvalsh(B)
-    least, most = masses_allowed(B, radius)
+    least, most = _masses_allowed(B, radius)
     if not most * radius**2 > _LEAST_MARGIN * b.sum():
         raise InputError(
             f"triangle inequality: the largest eigenvalue of 1/A, {b[2]:.6g} kg m², must be less "
@@ -409,8 +403,12 @@ class _DesignRequest:
         return J_s + (self.shell if self.d is None else self.d)
 
     def momentum(self, s: Array) -> Array:
-        """Return the rotors' momentum h = K + sΩ (..., 3) for s (...)."""
+        """Return the rotor's momentum h = K + sΩ (..., 3) for s (...)."""
         return self.K + s[..., None] * self.Omega
+
+    def rotor_inertia(self, s: Array) -> Array:
+        """Return the rotor's axial inertia (...) at the largest rate."""
+        return np.linalg.norm(self.momentum(s), axis=-1) / self.speed
 
     @property
     def s_without_rotors(self) -> tuple[float, float] | None:
@@ -468,7 +466,7 @@ def _check_least_masses(request: _DesignRequest) -> None:
 
 @dataclass(frozen=True)
 class _Shares:
-    """Masses of the bodies, and the rings' axial inertias (n,) and axes (n, 3).
+    """Masses of the bodies, and the rotor's axial inertia and axis (3,); None without a rotor.
 
     margin: of the tightest bound, relative to tr(A⁻¹).
     """
@@ -476,77 +474,50 @@ class _Shares:
     margin: float
     shell_mass: float
     frame_mass: float
-    rotor_masses: Array
-    axial_inertias: Array
-    axes: Array
+    rotor_mass: float = 0.0
+    axial_inertia: float = 0.0
+    axis: Array | None = None
 
 
-def share(request: _DesignRequest, frame_radius: float) -> _Shares | None:
-    """Return the shares with the fewest rotors and the frame within `frame_radius`, or None.
+def _share(request: _DesignRequest, frame_radius: float) -> _Shares | None:
+    """Return the shares of the largest margin with the frame within `frame_radius`, or None.
 
-    Among these it returns the one with the largest margin.
+    A rotor is used only if it is needed.
     """
-    for n in _rotor_counts(request):
-        s, T, margin = _best(request, n, frame_radius)
+    for n in (0, 1):
+        s, margin = _best(request, n, frame_radius)
         if margin > _LEAST_MARGIN:
-            return _bodies(request, n, s, T, margin)
+            return _bodies(request, n, s, margin)
     return None
 
 
-def _rotor_counts(request: _DesignRequest) -> range:
-    # In order of preference. With unlimited rates a rotor can be arbitrarily light, and a second
-    # one does not help.
-    return range(2 if np.isinf(request.speed) else 1 + _MOST_ROTORS)
-
-
-def _best(request: _DesignRequest, n: int, frame_radius: float) -> tuple[float, float, float]:
-    """Return s, T and the margin of the best shares with n rotors."""
+def _best(request: _DesignRequest, n: int, frame_radius: float) -> tuple[Array, float]:
+    """Return s (a scalar) and the margin of the best shares with n rotors, 0 or 1."""
     ends = (request.smallest_s, request.largest_s) if n else request.s_without_rotors
     if ends is None or ends[0] > ends[1]:
-        return 0.0, 0.0, -np.inf
-
-    def best_T(s: Array) -> Array:
-        g = np.linalg.norm(request.momentum(s), axis=-1) / request.speed
-        if n < 2:
-            return n * g
-        most = np.maximum((1 - 3 * s) / 2, g)  # there tr(2 Σ_frame) = tr P - 2T vanishes
-        return _peak(lambda T: _margin(request, n, frame_radius, s[..., None], T), g, most, 9, 7)
-
-    def margin(s: Array) -> Array:
-        return _margin(request, n, frame_radius, s, best_T(s))
-
-    s = _peak(margin, np.array(ends[0]), np.array(ends[1]), 25, 6)
-    return float(s), float(best_T(s)), float(margin(s))
+        return np.zeros(()), -np.inf
+    low, high = ends
+    for _ in range(_ROUNDS):
+        s = low + (high - low) * _GRID
+        best = int(_margin(request, n, frame_radius, s).argmax())
+        low, peak, high = s[np.clip([best - 1, best, best + 1], 0, len(s) - 1)]
+    return peak, float(_margin(request, n, frame_radius, peak))
 
 
-def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rounds: int) -> Array:
-    """Return the maximum (...) of a concave f, vectorised over (..., points), in [low, high]."""
-    # Each round narrows the interval to 2/(points - 1): 25 points and 6 rounds reach 3e-7, 9 and 7
-    # 6e-5. Grids instead of a scalar search, because T is searched for all s of a round at once.
-    u = np.linspace(0.0, 1.0, points)
-    for _ in range(rounds):
-        at = low[..., None] + (high - low)[..., None] * u
-        best = f(at).argmax(axis=-1)[..., None]
-        low, peak, high = (
-            np.take_along_axis(at, np.clip(best + step, 0, points - 1), axis=-1)[..., 0]
-            for step in (-1, 0, 1)
-        )
-    return peak
-
-
-def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
-    """Return the margin (...) at s and T (...), positive iff all bounds are satisfied.
+def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array) -> Array:
+    """Return the margin (...) at s (...), positive iff all bounds are satisfied.
 
     It is the largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
-    m_shell >= least + t, and a single rotor's inertia larger than necessary by t ROTOR_SHARE. Each
+    m_shell >= least + t, and a rotor's inertia larger than necessary by t _ROTOR_SHARE. Each
     element of `bounds` is one of these, linear in t, solved for t.
     """
-    c, slower = request.shell_factor, ROTOR_SHARE if n == 1 else 0.0
-    Z, tau = _Z(request, *np.broadcast_arrays(s, T))
-    z = np.linalg.eigvalsh(Z)
-    # Two rings add τ in the direction in which Z is smallest; then another may be the smallest.
-    flattest = z[..., 0] if n < 2 else np.minimum(z[..., 0] + tau, z[..., 1])
-    bounds = [flattest / (1 + slower)]
+    c, slower, j = request.shell_factor, n * _ROTOR_SHARE, n * request.rotor_inertia(s)
+    # Without a rotor j = 0 and h is zero up to rounding.
+    g = request.momentum(s) / request.speed
+    per_j = np.divide(1.0, j, out=np.zeros_like(j), where=j > 0)
+    returned = per_j[..., None, None] * g[..., :, None] * g[..., None, :]
+    P_less_j = (1 - s - j)[..., None, None] * np.eye(3) - 2 * request.B
+    bounds = [np.linalg.eigvalsh(P_less_j + returned)[..., 0] / (1 + slower)]
     if request.d is None:
         # The shell has its least mass plus t.
         others, others_per_t = s - (1 + c) * request.shell, 1 + c
@@ -554,14 +525,12 @@ def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array, T: A
         shell = (s - request.d) / c
         others, others_per_t = request.d - shell, 0.0
         bounds.append(shell - request.shell)
-    trace = (1 - 3 * s) / 2 - T  # of Σ_frame: tr P = 1 - 3s, and a ring takes 2j of tr 2Σ
+    trace = (1 - 3 * s) / 2 - j  # of Σ_frame: tr P = 1 - 3s, and a ring takes 2j of tr 2Σ
     # A bound whose left side decreases by k t is satisfied if its value at t = 0 is at least
-    # (1 + k) t: hence the divisors. The rotors' mass follows from their inertia or their least
-    # masses; for two, `by_inertia` is too large by at most one least mass.
-    by_inertia = T / request.rotor_radius**2 + (n - 1) * request.rotor
-    least = np.asarray(n * request.rotor)
-    for rotors, per_t in ((by_inertia, slower / request.rotor_radius**2), (least, 0.0)):
-        frame, frame_per_t = others - rotors, others_per_t + per_t
+    # (1 + k) t: hence the divisors. The rotor's mass follows from its inertia or its least mass.
+    by_inertia = j / request.rotor_radius**2, slower / request.rotor_radius**2
+    for rotor, per_t in (by_inertia, (n * request.rotor, 0.0)):
+        frame, frame_per_t = others - rotor, others_per_t + per_t
         bounds.append((frame - request.frame) / (1 + frame_per_t))
         if np.isfinite(frame_radius):
             room = frame_radius**2 * frame - trace
@@ -569,55 +538,16 @@ def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array, T: A
     return np.min(np.broadcast_arrays(*bounds), axis=0)
 
 
-def _Z(request: _DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
-    """Return Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
-    g = request.momentum(s) / request.speed
-    # Without rotors T = 0 and h is zero up to rounding.
-    per_T = np.divide(1.0, T, out=np.zeros_like(T), where=T > 0)
-    returned = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
-    P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
-    return P_less_T + returned, T - per_T * (g * g).sum(axis=-1)
-
-
-def _bodies(request: _DesignRequest, n: int, s: float, T: float, margin: float) -> _Shares:
-    if request.d is None:
-        shell = request.shell + margin
-        d = s - request.shell_factor * shell
-    else:
-        d = request.d
-        shell = (s - d) / request.shell_factor
-    inertias, axes = _rings(request, n, s, T, margin)
-    masses = np.maximum(inertias / request.rotor_radius**2, request.rotor)
-    return _Shares(margin, shell, float(d - shell - masses.sum()), masses, inertias, axes)
-
-
-def _rings(
-    request: _DesignRequest, n: int, s: float, T: float, margin: float
-) -> tuple[Array, Array]:
-    if n == 0:
-        return np.empty(0), np.empty((0, 3))
-    h = request.momentum(np.array(s))
-    if n == 1:
-        return np.array([T + ROTOR_SHARE * margin]), h[None] / np.linalg.norm(h)
-    Z, tau = _Z(request, np.array(s), np.array(T))
-    j_n = _two_rings(T, h / request.speed, np.linalg.eigh(Z)[1][:, 0], float(tau))
-    inertias = np.linalg.norm(j_n, axis=1)
-    return inertias, j_n / inertias[:, None]
-
-
-def _two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
-    """Return j n (2, 3) of two rotors: Σ j = T, Σ j n = g, Σ j n nᵀ = g gᵀ/T + τ e eᵀ.
-
-    g (3,), unit vector e (3,), τ = T - |g|²/T > 0. The rows (√T, g/√T) and (0, √τ e) have the right
-    moments of (1, n), which any rotation of the two rows preserves; this one gives rows
-    (√j, √j n) with unit vectors n.
-    """
-    # e and -e give the same moments; with g·e >= 0 the sum below does not cancel.
-    e = np.copysign(1.0, g @ e) * e
-    tangent = g @ e / np.sqrt(T * tau)
-    x = 1 / (tangent + np.hypot(tangent, 1.0))  # tan of the angle; hypot - tangent would cancel
-    across = x * np.sqrt(T * tau) * e
-    return np.array([g + across, x * x * g - across]) / (1 + x * x)
+def _bodies(request: _DesignRequest, n: int, s: Array, margin: float) -> _Shares:
+    shell = request.shell + margin if request.d is None else 0.0
+    d = float(s) - request.shell_factor * shell if request.d is None else request.d
+    if request.d is not None:
+        shell = (float(s) - d) / request.shell_factor
+    if not n:
+        return _Shares(margin, shell, d - shell)
+    j, h = float(request.rotor_inertia(s)) + _ROTOR_SHARE * margin, request.momentum(s)
+    rotor = max(j / request.rotor_radius**2, request.rotor)
+    return _Shares(margin, shell, d - shell - rotor, rotor, j, h / np.linalg.norm(h))
 
 
 def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputError:
@@ -648,7 +578,7 @@ def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputErr
 
 
 def _largest_margin(request: _DesignRequest, frame_radius: float) -> float:
-    return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
+    return max(_best(request, n, frame_radius)[1] for n in (0, 1))
 
 
 def _least_frame_radius(request: _DesignRequest) -> float:
@@ -676,19 +606,14 @@ def _ball(shares: _Shares, B: Array, Omega: Array, K: Array, radius: float, limi
     turning = float(np.linalg.norm(Omega))
     axis = Omega / turning if turning else np.array([0.0, 0.0, 1.0])
     shell = Shell(radius, shell_mass, J_s, J_s, axis)
-    rotors = tuple(
-        Rotor(float(unit * m), float(trace * j), float(trace * j) / 2, n)
-        for m, j, n in zip(shares.rotor_masses, shares.axial_inertias, shares.axes, strict=True)
-    )
+    m, j = unit * shares.rotor_mass, trace * shares.axial_inertia
+    rotors = [] if shares.axis is None else [Rotor(m, j, j / 2, shares.axis)]
     # The frame absorbs rounding, so that the whole ball has exactly the requested numbers.
-    d = (shell_mass + frame_mass + sum(rotor.mass for rotor in rotors)) * radius**2
+    d = (shell_mass + frame_mass + m) * radius**2
     others = shell.inertia + sum((rotor.inertia for rotor in rotors), np.zeros((3, 3)))
     frame = Frame(frame_mass, B - d * np.eye(3) - others)
-    rates = [limits.rotor_speed] * len(rotors)  # both of two rotors turn at the largest rate
-    if len(rotors) == 1:
-        h = K + (J_s + d) * Omega
-        rates = [float(np.linalg.norm(h)) / rotors[0].axial_inertia]
-    return Ball(shell, (Hinge(frame, turning), *map(Hinge, rotors, rates)))
+    h = float(np.linalg.norm(K + (J_s + d) * Omega))
+    return Ball(shell, (Hinge(frame, turning), *(Hinge(rotor, h / j) for rotor in rotors)))
 
 
 def _in_digits(v: Array) -> str:

@@ -33,9 +33,8 @@ _NO_STEP = 1e-9  # s: a drive that needs shorter steps is not a function of time
 class Drive(Protocol):
     """Give the rate of a hinge over time.
 
-    Any object with these members can be a rate of a scene. A hinge with a motor takes the drive as
-    the command of the motor. Times are scalars or increasing columns (n,), in s from the start of
-    the motion.
+    Any object with these members can be a rate of a scene, or the command of a motor. The
+    acceleration and the angle of a user's object are computed from its rate.
 
     Attributes
     ----------
@@ -370,9 +369,9 @@ class Sum:
 class Custom:
     """Take a rate from a function of time.
 
-    The function must be continuous, and smooth between the breakpoints. It is not called outside
-    the times of a run. A pulse that is shorter than `finest` and has no breakpoints may fall
-    between two samples. All engines then miss the pulse, and agree.
+    The function must be continuous, and smooth between the breakpoints. Polynomials that
+    approximate it to rounding give its derivative and its integral. A pulse that is shorter than
+    `finest` and has no breakpoints may fall between two samples; all engines then miss it.
 
     Attributes
     ----------
@@ -380,12 +379,6 @@ class Custom:
         Returns the rate [rad/s] at a time [s].
     breakpoints : tuple of float, s
         The times at which the rate is not smooth.
-    derivative : callable or None
-        Returns the derivative of the rate [rad/s²]. If None, it comes from polynomials that
-        approximate the function.
-    integral : callable or None
-        Returns the integral of the rate from time 0 [rad]. If None, it comes from these polynomials
-        too.
     finest : float or None, s
         Largest interval between samples of the function, which are at uneven times. If None, 1 ms,
         or 1/100 000 of a run longer than 100 s.
@@ -408,8 +401,6 @@ class Custom:
 
     function: Callable[[float], float]
     breakpoints: tuple[float, ...] = ()
-    derivative: Callable[[float], float] | None = None
-    integral: Callable[[float], float] | None = None
     finest: float | None = None
 
     def __post_init__(self) -> None:
@@ -444,8 +435,14 @@ def as_drive(rate: Rate, end: float) -> Drive:
     elif isinstance(rate, Custom | Drive) or callable(rate):
         from robotball.robot.function_drives import FunctionDrive, HeldCommand
 
-        custom = vars(_as_custom(rate)).values()
-        drive = rate if isinstance(rate, HeldCommand) else FunctionDrive(end, *custom)
+        if isinstance(rate, HeldCommand):
+            drive = rate
+        elif isinstance(rate, Custom):
+            drive = FunctionDrive(end, *vars(rate).values())
+        elif isinstance(rate, Drive):
+            drive = FunctionDrive(end, rate.rate, tuple(rate.breakpoints))
+        else:
+            drive = FunctionDrive(end, rate)
     else:
         raise InputError(
             f"a rate is a number, a function of time, or a drive with breakpoints, rate, "
@@ -462,14 +459,6 @@ def _check_covers(samples: Samples, end: float) -> None:
             f"samples from t = {first:g} to {last:g} s do not cover the run, from 0 to {end:g} s; "
             "add samples, or shorten the run"
         )
-
-
-def _as_custom(rate: Custom | Drive | Callable[[float], float]) -> Custom:
-    """Return the Custom of a user's function or of a user's object."""
-    if isinstance(rate, Drive):
-        # The derivative of a user's object may be wrong, so it is checked like that of a Custom.
-        return Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
-    return rate if isinstance(rate, Custom) else Custom(rate)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotball import InputError
-from robotball.design.designing import masses_allowed
+from robotball.design.designing import _masses_allowed
 from robotball.robot.ball import beyond_the_shell, check_inertia
 from robotball.rotations import Array, tangents
 from tests.paper import formulas as f
@@ -69,7 +69,7 @@ def test_the_masses_that_a_figures_A_allows(
 ) -> None:
     """Not in the paper: max b/Σb, Σb/5 and Σb - 2 max b. Figs 5 to 10 allow no mass."""
     b = 1 / np.array(paper_scene(name).parameters.A)
-    numbers = np.array([b.max() / b.sum(), *masses_allowed(np.diag(b), 1.0)])
+    numbers = np.array([b.max() / b.sum(), *_masses_allowed(np.diag(b), 1.0)])
     assert worst(numbers / [share, least, most] - 1) <= 3e-5  # measured 4.7e-6: their last digits
     assert (least < most) == (name == "fig14")
 

@@ -29,7 +29,7 @@ CASES: list[tuple[Function, Function, Function]] = [
 
 
 def followed(function: Function, *named: float, finest: float | None = None) -> FunctionDrive:
-    return FunctionDrive(END, function, named, None, None, finest)
+    return FunctionDrive(END, function, named, finest)
 
 
 def test_slope_and_integral_are_those_of_the_function() -> None:

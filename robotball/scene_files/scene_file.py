@@ -38,7 +38,6 @@ from robotball.robot.ball import (
 )
 from robotball.robot.drives import Rate
 from robotball.robot.scene import Friction, Scene, Start, unit
-from robotball.robot.shapes import Shape, tube
 from robotball.rotations import Array, Z, direction, rotation_matrix, z_along
 
 CATALOG = Path(__file__).parent.parent / "scenes"
@@ -326,6 +325,8 @@ def solid_of(part: tables.Part, axis: Array = Z) -> Solid:
     axis: direction (3,) of a part without an axis. Raises InputError for impossible sizes or
     masses.
     """
+    from robotball.robot.shapes import Shape  # most scenes have no parts
+
     match part:
         case tables.Point():
             # Its inertia comes from its position, when parts are composed.
@@ -368,6 +369,8 @@ def solid_of(part: tables.Part, axis: Array = Z) -> Solid:
 
 def _tube(mass: float, a: float, b: float, h: float, centre: Array, axis: Array) -> Solid:
     """Return a tube with outer radius a, inner radius b and length h about a unit vector (3,)."""
+    from robotball.robot.shapes import Shape, tube
+
     # m(a² + b²)/4 + m h²/12 across the axis holds for discs (h = 0) and hoops (a = b) too.
     across = mass * (a * a + b * b) / 4
     reach = max(_reach_of_circle(centre + end * axis, axis, a) for end in (-h / 2, h / 2))

@@ -19,9 +19,8 @@ from scipy.spatial.transform import Rotation
 from robotball.engines.equations import integrate, scene_of
 from robotball.engines.states import links_of
 from robotball.errors import InputError
-from robotball.files import as_path
+from robotball.files import as_path, json_text
 from robotball.files.columns import Table, write_table
-from robotball.files.json_text import json_text
 from robotball.files.replacing import replacing
 from robotball.files.scene_writer import toml_of
 from robotball.motion import Motion

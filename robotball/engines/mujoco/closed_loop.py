@@ -7,7 +7,7 @@ import numpy as np
 
 from robotball.engines.mujoco.model import Model
 from robotball.robot import formulas as eq
-from robotball.robot.controllers import TrueReading
+from robotball.robot.loop import TrueReading
 
 
 def sensor_reader(model: Model) -> Callable[[mujoco.MjData], TrueReading]:

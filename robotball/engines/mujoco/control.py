@@ -19,7 +19,7 @@ from robotball.robot import formulas as eq
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
-    from robotball.robot.controllers import Loop
+    from robotball.robot.loop import Loop
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -180,9 +180,9 @@ class Control:
         self.loop: Loop | None = None
         if model.scene.controller is not None:
             from robotball.engines.mujoco.closed_loop import sensor_reader
-            from robotball.robot import controllers  # few scenes need it
+            from robotball.robot import loop  # few scenes need it
 
-            self.loop = controllers.Loop(model.scene, model.scene.controller)
+            self.loop = loop.Loop(model.scene, model.scene.controller)
             self.model = model.of(self.loop.scene)
             self.sensed = sensor_reader(self.model)
         self.span: Sequence[float] = (0.0, 0.0)

@@ -7,9 +7,9 @@ import numpy as np
 
 from robotball.errors import InputError, warn
 from robotball.motion import Label, Motion, Progress, ReferenceMotion, extended
-from robotball.robot.controllers import Loop
 from robotball.robot.drives import turns
 from robotball.robot.loads import Loads
+from robotball.robot.loop import Loop
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL

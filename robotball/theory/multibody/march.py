@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from robotball.motion import Progress
-from robotball.robot.controllers import Loop, TrueReading
+from robotball.robot.loop import Loop, TrueReading
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, take_step
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT

@@ -150,17 +150,13 @@ class Design:
     def verdict(self) -> str:
         """One line: whether the ball can be built, and if not, which radius its frame needs."""
         if self.buildable:
-            return (
-                "can be built: all mass fits inside the shell, the frame's within "
-                f"{self.reach:.4g} m of {self.allowed_radius:.4g} m allowed"
-            )
+            within = f"{self.reach:.4g} m of {self.allowed_radius:.4g} m allowed"
+            return f"can be built: all mass fits inside the shell, the frame's within {within}"
         inside = self.needed_radius <= self.ball.radius - self.limits.shell_thickness
         boundary = "the frame's radius" if inside else "the shell"
-        return (
-            f"can be simulated, but not built: mass would lie outside {boundary}: the frame needs "
-            f"a radius of {self.needed_radius:.4g} m (here {self.reach:.4g} m), "
-            f"{self.allowed_radius:.4g} m is allowed"
-        )
+        needed = f"{self.needed_radius:.4g} m (here {self.reach:.4g} m)"
+        line = f"the frame needs a radius of {needed}, {self.allowed_radius:.4g} m is allowed"
+        return f"can be simulated, but not built: mass would lie outside {boundary}: {line}"
 
 
 def design(
@@ -252,12 +248,10 @@ def describe(design: Design) -> str:
         f"frame   mass {frame.mass:.6g} kg, principal moments {moments} kg m², "
         f"within {design.reach:.4g} m, {design.rates[0]:.6g} rad/s",
     ]
-    for i, (rotor, rate) in enumerate(zip(ball.rotors, design.rates[1:], strict=True), start=1):
+    for rotor, rate in zip(ball.rotors, design.rates[1:], strict=True):
         ring = math.sqrt(rotor.axial_inertia / rotor.mass)
-        rows.append(
-            f"rotor{i}  mass {rotor.mass:.6g} kg, ring of radius {ring:.4g} m, axis "
-            f"{_in_digits(rotor.axis)}, {rate:.6g} rad/s"
-        )
+        axis = f"axis {_in_digits(rotor.axis)}, {rate:.6g} rad/s"
+        rows.append(f"rotor   mass {rotor.mass:.6g} kg, ring of radius {ring:.4g} m, {axis}")
     return "\n".join([*rows, design.verdict])
 
 
@@ -294,10 +288,8 @@ def _check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
     for name in ("shell_mass", "frame_mass", "rotor_mass"):
         check_not_negative(name, getattr(limits, name), "kg")
     if not 0 <= limits.shell_thickness < radius:
-        raise InputError(
-            f"shell_thickness must be at least 0 and less than the radius {radius:g} m, not "
-            f"{limits.shell_thickness:g} m"
-        )
+        line = f"at least 0 and less than the radius {radius:g} m, not {limits.shell_thickness:g} m"
+        raise InputError(f"shell_thickness must be {line}")
     frame, rotor = limits.radii(radius)
     for name, value, most in (
         ("frame_radius", frame, radius - limits.shell_thickness),
@@ -346,11 +338,9 @@ def _check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limit
     b = np.linalg.eigvalsh(B)
     least, most = _masses_allowed(B, radius)
     if not most * radius**2 > _LEAST_MARGIN * b.sum():
-        raise InputError(
-            f"triangle inequality: the largest eigenvalue of 1/A, {b[2]:.6g} kg m², must be less "
-            f"than the sum of the others, {b[0] + b[1]:.6g} kg m²; it is "
-            f"{b[2] - b[0] - b[1]:.6g} kg m² too large, whatever the mass"
-        )
+        moments = f"{b[2]:.6g} kg m², exceeds the sum of the others, {b[0] + b[1]:.6g} kg m²"
+        moments += f", by {b[2] - b[0] - b[1]:.6g} kg m², whatever the mass"
+        raise InputError(f"triangle inequality: the largest eigenvalue of 1/A, {moments}")
     if mass is not None and not mass < most:
         moment, excess = b[0] - mass * radius**2, mass - most
         fault = (
@@ -364,10 +354,9 @@ def _check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limit
     heaviest = most if mass is None else mass
     if limits.buildable and not heaviest > least:
         at_most = "at most " if mass is None else ""
-        raise InputError(
-            f"mass inside the shell: m must be at least tr(1/A)/(5 a²) = {least:.6g} kg, but is "
-            f"{at_most}{heaviest:.6g} kg: {least - heaviest:.6g} kg too little"
-        )
+        mass_is = f"is {at_most}{heaviest:.6g} kg: {least - heaviest:.6g} kg too little"
+        line = f"m must be at least tr(1/A)/(5 a²) = {least:.6g} kg, but {mass_is}"
+        raise InputError(f"mass inside the shell: {line}")
 
 
 @dataclass(frozen=True)
@@ -448,20 +437,16 @@ def _check_least_masses(request: _DesignRequest) -> None:
     rotors = 0.0 if request.s_without_rotors else request.rotor
     least = request.shell + request.frame + rotors
     if request.d is not None and not least < request.d:
-        raise InputError(
-            f"masses: the least masses of shell, frame and rotor add up to {least * unit:.6g} kg, "
-            f"and the ball is to have {request.d * unit:.6g} kg: "
-            f"{(least - request.d) * unit:.6g} kg too much"
-        )
+        mass = f"{least * unit:.6g} kg, of {request.d * unit:.6g} kg for the ball"
+        excess = f"{(least - request.d) * unit:.6g} kg too much"
+        raise InputError(f"masses: shell, frame and rotor have at least {mass}: {excess}")
     J_s = request.shell_factor * request.shell
     s = J_s + (least if request.d is None else request.d)
     if not s < request.largest_s:
-        raise InputError(
-            f"masses: with the least masses of shell, frame and rotor, {least * unit:.6g} kg, "
-            f"m + J_s/a² is at least {s * unit:.6g} kg; for the triangle inequality of the frame "
-            f"it must be less than {request.largest_s * unit:.6g} kg: "
-            f"{(s - request.largest_s) * unit:.6g} kg too much"
-        )
+        mass = f"shell, frame and rotor have at least {least * unit:.6g} kg"
+        sum_ = f"m + J_s/a² is {s * unit:.6g} kg, of at most {request.largest_s * unit:.6g} kg"
+        excess = f"{(s - request.largest_s) * unit:.6g} kg too much"
+        raise InputError(f"masses: {mass}; {sum_} by the frame's triangle inequality: {excess}")
 
 
 @dataclass(frozen=True)
@@ -559,22 +544,17 @@ def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputErr
         needed = _least(
             lambda speed: _largest_margin(replace(request, speed=speed), within), request.speed
         )
-        return InputError(
-            f"rotor speed: the momentum K + (J_s + d)Ω needs {needed:.4g} rad/s, at most "
-            f"{request.speed:.6g} rad/s is allowed: {needed - request.speed:.4g} rad/s more"
-        )
+        limit = f"of at most {request.speed:.6g} rad/s: {needed - request.speed:.4g} rad/s more"
+        line = f"the momentum K + (J_s + d)Ω needs {needed:.4g} rad/s, {limit}"
+        return InputError(f"rotor speed: {line}")
     if limits.buildable and _largest_margin(any_speed, math.inf) > _LEAST_MARGIN:
         needed = radius * _least_frame_radius(any_speed)
         allowed = radius * request.frame_radius
-        return InputError(
-            f"mass inside the shell: the frame needs a radius of {needed:.4g} m, at most "
-            f"{allowed:.6g} m is allowed: {needed - allowed:.4g} m more"
-        )
+        line = f"{needed:.4g} m, of at most {allowed:.6g} m: {needed - allowed:.4g} m more"
+        return InputError(f"mass inside the shell: the frame needs a radius of {line}")
     margin, least = request.unit * _largest_margin(any_speed, within), request.unit * _LEAST_MARGIN
-    return InputError(
-        f"masses: inertia and least masses leave a margin of {margin:.3g} kg, below the "
-        f"{least:.3g} kg needed because of rounding"
-    )
+    line = f"{margin:.3g} kg, below the {least:.3g} kg needed because of rounding"
+    return InputError(f"masses: inertia and least masses leave a margin of {line}")
 
 
 def _largest_margin(request: _DesignRequest, frame_radius: float) -> float:

@@ -149,10 +149,8 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     # Hinges with neither rate nor motor are fixed; free ones cannot be driven.
     driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
     if driven.sum() < 2:
-        raise InputError(
-            f"{scene.name}: {driven.sum()} driven hinges, two are needed to roll anywhere: give "
-            "more hinges a rate or a motor"
-        )
+        line = f"{driven.sum()} driven hinges of two; give more hinges a rate or a motor"
+        raise InputError(f"{scene.name}: {line}")
     way = Way(scene, path, duration, driven)
     times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
@@ -182,16 +180,12 @@ def _is_driven(hinge: MovedHinge) -> bool:
 def _check_reach(scene: Scene, times: Array, motion: _RobotMotion) -> None:
     least, fastest = int(motion.reach.argmin()), int(np.abs(motion.u[3:]).max(axis=0).argmax())
     if motion.reach[least] < _SINGULAR:
-        raise InputError(
-            f"{scene.name}: at t = {times[least]:.4g} s the hinges cannot roll the ball in every "
-            "direction: the momenta that they produce are parallel; choose another path or attitude"
-        )
+        line = "the hinges cannot roll the ball in every direction; choose another path or attitude"
+        raise InputError(f"{scene.name}: at t = {times[least]:.4g} s {line}")
     speed = float(np.abs(motion.u[3:, fastest]).max())
     if not speed < _FASTEST:
-        raise InputError(
-            f"{scene.name}: at t = {times[fastest]:.4g} s a hinge would have to turn at "
-            f"{speed:.3g} rad/s; increase the duration or choose another path"
-        )
+        line = f"a hinge needs {speed:.3g} rad/s; increase the duration or choose another path"
+        raise InputError(f"{scene.name}: at t = {times[fastest]:.4g} s {line}")
 
 
 def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> list[str]:
@@ -208,18 +202,15 @@ def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> li
             lines.append(f"{hinge.name} needs {torque:.3g} N m; its motor gives {limit:g} N m")
         rate = float(np.abs(motion.hinge_rates[:, i]).max())
         if rate > rate_limit:
-            lines.append(
-                f"{hinge.name} turns at {rate:.3g} rad/s; the limit is {rate_limit:g} rad/s"
-            )
+            lines.append(f"{hinge.name} turns at {rate:.3g} rad/s, of at most {rate_limit:g} rad/s")
     friction = robot.friction
     sliding = float(loads.sliding_friction.max())
     if friction.sliding is not None and sliding > friction.sliding:
         lines.append(f"slips: needs a sliding friction of {sliding:.3g}, has {friction.sliding:g}")
     torsional = float(loads.torsional_friction.max())
     if friction.torsional is not None and torsional > friction.torsional:
-        lines.append(
-            f"spins: needs a torsional friction of {torsional:.3g} m, has {friction.torsional:g} m"
-        )
+        has = f"has {friction.torsional:g} m"
+        lines.append(f"spins: needs a torsional friction of {torsional:.3g} m, {has}")
     return lines
 
 
@@ -327,10 +318,8 @@ def _forward(way: Way, times: Array) -> Array:
 
 
 def _no_drives(way: Way) -> InputError:
-    return InputError(
-        f"{way.scene.name}: found no drives that roll it along this path; increase the duration or "
-        "choose gentler turns"
-    )
+    line = "no drives roll it along this path; increase the duration or choose gentler turns"
+    return InputError(f"{way.scene.name}: {line}")
 
 
 def _bounded(way: Way, times: Array) -> Array:
@@ -341,7 +330,6 @@ def _bounded(way: Way, times: Array) -> Array:
     weight that hangs straight down.
     """
     # In the rubber model M is horizontal: its third component is 0 and not an unknown.
-    # In the rubber model M is horizontal: its third component stays 0, and is no unknown.
     count, start = 3 if way.scene.rolling == "classical" else 2, way.start()
     kept = [0, 1, 2, 3, *range(4, 4 + count), *range(7, len(start))]
 

@@ -79,19 +79,16 @@ class FunctionDrive:
         finest = self.finest or max(_FINEST, self.end / _LOOKS)
         longest = min(_LONGEST_FUNCTION, _MOST_LOOKS * finest)
         if not self.end <= longest:
-            raise InputError(
-                f"a drive's function can be sampled to t = {longest:g} s at most, not to "
-                f"{self.end:g} s, every {finest:g} s; a number, a Ramp or a Sine has no such limit"
-            )
+            limit = f"t = {longest:g} s at most, not to {self.end:g} s, every {finest:g} s"
+            remedy = "a number, a Ramp or a Sine has no such limit"
+            raise InputError(f"a drive's function can be sampled to {limit}; {remedy}")
         inside = sorted({float(b) for b in self.named if 0 < b < self.end})
         looks = uneven(self.end, finest)
         polynomials = polynomials_of(self._rate, [0.0, *inside, self.end], looks)
         off, worst = float(polynomials.off.max()), polynomials.edges[polynomials.off.argmax()]
         if not off <= _ACCURATE * (1 + polynomials.size):
-            warn(
-                f"a drive's function is not smooth at t = {worst:.6g} s: it is known to "
-                f"{off:.1g} rad/s there; give its breakpoints to Custom"
-            )
+            fault = f"at t = {worst:.6g} s, where it is known to {off:.1g} rad/s"
+            warn(f"a drive's function is not smooth {fault}; give its breakpoints to Custom")
         return polynomials
 
     def _rate(self, t: float) -> float:
@@ -99,10 +96,8 @@ class FunctionDrive:
         value = call_users("a drive's function fails", self.function, t, at=t)
         value = call_users("a drive's function gives no number", float, value, at=t)
         if not abs(value) <= LARGEST:
-            raise InputError(
-                f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
-                f"{LARGEST:g} rad/s"
-            )
+            limit = f"it must be finite and at most {LARGEST:g} rad/s"
+            raise InputError(f"a drive's function gives {value} at t = {t:g} s; {limit}")
         return value
 
     def _inside(self, t: float) -> float:

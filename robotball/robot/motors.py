@@ -244,10 +244,8 @@ class DCMotor(Motor):
         if self.no_load_current and (self.torque_limit or not self.stall_current):
             raise InputError("a motor's no-load current takes a stall current and no torque limit")
         if self.stall_current is not None and not self.no_load_current < self.stall_current:
-            raise InputError(
-                f"a motor's no-load current must be below its stall current of "
-                f"{self.stall_current:g} A, not {self.no_load_current:g} A"
-            )
+            limit = f"{self.stall_current:g} A, not {self.no_load_current:g} A"
+            raise InputError(f"a motor's no-load current must be below its stall current, {limit}")
 
     @property
     def armature(self) -> float:
@@ -379,10 +377,9 @@ class Activation:
             to = u.value
             return lambda t: to + (w - to) * math.exp(-t / settling)
         if end > _MOST_SETTLINGS * settling:
-            raise InputError(
-                f"a filter of {settling:g} s is too short for a run of {end:g} s, of at most "
-                f"{_MOST_SETTLINGS * settling:g} s; leave it out, or give a constant control"
-            )
+            limit = f"a run of {end:g} s, of at most {_MOST_SETTLINGS * settling:g} s"
+            line = f"a filter of {settling:g} s is too short for {limit}"
+            raise InputError(f"{line}; leave it out, or give a constant control")
         # w = exp(-(t - T)/τ)(w_T + ∫ u exp((s - T)/τ)/τ ds), with T shortly before t because the
         # exponential would overflow otherwise.
         from robotball.robot.function_drives import polynomials_of  # few actuators need it
@@ -489,7 +486,5 @@ def _check_within(
     off = _ROUNDING * max(sizes, default=0.0)
     for t in np.linspace(0.0, end, _LOOKS).tolist():
         if not low - off <= value(t) <= high + off:
-            raise InputError(
-                f"{name} is {value(t):g} at t = {t:g} s, outside its range of {low:g} to {high:g}; "
-                "a changing command cannot be clipped, so keep it within"
-            )
+            line = f"{value(t):g} at t = {t:g} s, outside its range of {low:g} to {high:g}"
+            raise InputError(f"{name} is {line}; only a constant command is clipped")

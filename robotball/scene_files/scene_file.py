@@ -239,10 +239,8 @@ def _shell(table: tables.ShellTable, solids: list[Solid]) -> Shell:
     offset = float(solid.centre @ axis)
     off = float(np.linalg.norm(solid.centre - offset * axis))
     if off > SYMMETRIC * radius:
-        raise InputError(
-            f"shell's centre of mass is {off:.6g} m off its axis; parts that are not symmetric "
-            "about the axis belong to the frame"
-        )
+        line = f"shell's centre of mass is {off:.6g} m off its axis"
+        raise InputError(f"{line}; parts that are not symmetric about it belong to the frame")
     moments = solid.moments_about("shell", axis, "part of the frame")
     return Shell(radius, solid.mass, *moments, axis, offset, shapes=solid.shapes)
 
@@ -417,10 +415,8 @@ def _start(table: tables.StartTable, ball: Ball) -> Start:
     if given == {"gamma", "momentum"}:
         gamma = unit("gamma", np.array(table.gamma))
         return starts.along_momentum(gamma, np.array(table.momentum))
-    if (
-        given - _MOMENTUM_KEYS in ({"attitude"}, {"gamma", "alpha"})
-        and len(given & _MOMENTUM_KEYS) == 1
-    ):
+    attitudes = ({"attitude"}, {"gamma", "alpha"})
+    if given - _MOMENTUM_KEYS in attitudes and len(given & _MOMENTUM_KEYS) == 1:
         if table.attitude:
             attitude = unit("attitude", np.array(table.attitude))
         else:

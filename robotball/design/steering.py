@@ -151,7 +151,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     if driven.sum() < 2:
         line = f"{driven.sum()} driven hinges of two; give more hinges a rate or a motor"
         raise InputError(f"{scene.name}: {line}")
-    way = Way(scene, path, duration, driven)
+    way = _Way(scene, path, duration, driven)
     times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
     motion = way.motion(times, y)
@@ -214,7 +214,7 @@ def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> li
     return lines
 
 
-class Way:
+class _Way:
     """Differential equation of y = (q, M, hinge angles) along a path, vectorised over n times."""
 
     def __init__(self, scene: Scene, path: WantedPath, duration: float, driven: Mask) -> None:
@@ -300,7 +300,7 @@ class Way:
         return np.where(astray, np.nan, np.concatenate([np.stack(spin), L_rate, now.u[3:]]))
 
 
-def _forward(way: Way, times: Array) -> Array:
+def _forward(way: _Way, times: Array) -> Array:
     """Return y (7 + h, n), integrated forward from the start."""
     # Gravity exerts no torque on a balanced ball, so no weight can fall over.
     solved = solve_ivp(
@@ -317,12 +317,12 @@ def _forward(way: Way, times: Array) -> Array:
     return np.asarray(solved.y)
 
 
-def _no_drives(way: Way) -> InputError:
+def _no_drives(way: _Way) -> InputError:
     line = "no drives roll it along this path; increase the duration or choose gentler turns"
     return InputError(f"{way.scene.name}: {line}")
 
 
-def _bounded(way: Way, times: Array) -> Array:
+def _bounded(way: _Way, times: Array) -> Array:
     """Return y (7 + h, n) for hanging weights, of all solutions the bounded one.
 
     Integrated forward in time, a weight that is moved as the path requires falls over. So M = 0 is
@@ -358,7 +358,7 @@ def _bounded(way: Way, times: Array) -> Array:
     return whole(solved.sol(times))
 
 
-def _hanging(way: Way, times: Array) -> Array:
+def _hanging(way: _Way, times: Array) -> Array:
     """Return y (7 + h, n) of a rolling shell with weights that hang below its centre."""
     robot, start = way.robot, way.start()
     e = way.scene.ball.shell.axis
@@ -387,7 +387,7 @@ def _hanging(way: Way, times: Array) -> Array:
     return y
 
 
-def _balanced(way: Way, shell: Array, angles: Array) -> Array:
+def _balanced(way: _Way, shell: Array, angles: Array) -> Array:
     """Return hinge angles (h,) near `angles` with the centre of mass below the ball's centre."""
     scene, e = way.scene, way.scene.ball.shell.axis
     masses = scene.robot.bodies[:, 0]

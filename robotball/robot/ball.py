@@ -497,7 +497,7 @@ class Ball(Value):
             _check_body(name, body)
         # The sum can fail although each body passes: in rotated axes rounding can exceed the least
         # moment of a needle.
-        check_inertia("the ball", self.inertia)
+        _check_inertia("the ball", self.inertia)
 
     def _check_tree(self) -> None:
         """Raise InputError unless every body is mounted on one that comes before it."""
@@ -719,10 +719,10 @@ def _check_body(name: str, body: Body) -> None:
             excess = f"{axial:.6g} > 2 * {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"
             raise InputError(f"{name} is flatter than a disk: axial > 2 * transverse: {excess}")
     if not massless:
-        check_inertia(name, body.inertia)
+        _check_inertia(name, body.inertia)
 
 
-def check_inertia(name: str, inertia: Array) -> None:
+def _check_inertia(name: str, inertia: Array) -> None:
     """Raise InputError unless a rigid body can have this tensor (3, 3)."""
     _check_entries(name, inertia)
     if np.abs(inertia - inertia.T).max() > ROUNDING * np.abs(inertia).max():

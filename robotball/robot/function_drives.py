@@ -205,7 +205,9 @@ def _halved(
         coefficients = _COEFFICIENTS @ values
         part = slice(*np.searchsorted(looks, (a, b)))
         between = chebyshev.chebval((looks[part] - middle) / half, coefficients) - samples[part]
-        tail, missed = float(_tail(coefficients)), float(np.abs(between).max(initial=0.0))
+        # Three, because every second coefficient of an odd or even function is zero.
+        tail = float(np.abs(coefficients[-3:]).max())
+        missed = float(np.abs(between).max(initial=0.0))
         accurate = max(tail, missed / _BETWEEN) <= _rounding_of(coefficients, a, b, size)
         if accurate or b - a <= _NARROWEST or halves == _MOST_HALVES:
             if not accurate and b - a <= _NARROWEST:
@@ -214,12 +216,6 @@ def _halved(
         else:
             halves += 1
             left += [(middle, b), (a, middle)]
-
-
-def _tail(coefficients: Array) -> Array:
-    """Return the largest of the last coefficients (..., degree + 1)."""
-    # Three, because every second coefficient of an odd or even function is zero.
-    return np.abs(coefficients[..., -3:]).max(axis=-1)
 
 
 def _rounding_of(coefficients: Array, begin: float, end: float, size: float) -> float:

@@ -99,7 +99,7 @@ class Editable:
         text = self.moved if any(change.start for change in changes) else self.text
         if not changes and not self.paired:
             return text
-        return before_end(text, self._block(changes))
+        return _before_end(text, self._block(changes))
 
     def _block(self, changes: Iterable[Change]) -> Iterator[str]:
         pair = dict(self.pair)
@@ -122,7 +122,7 @@ class Editable:
             yield "</contact>"
 
 
-def before_end(text: str, lines: Iterable[str]) -> str:
+def _before_end(text: str, lines: Iterable[str]) -> str:
     """Return an MJCF text with lines added before the end tag of its root."""
     data, ends = text.encode(), [0]
     parser = _parser()
@@ -177,7 +177,7 @@ class Moves:
     key: int | None
 
 
-STILL = Moves(np.zeros(3), np.zeros(3), None)
+_STILL = Moves(np.zeros(3), np.zeros(3), None)
 
 
 def editable(
@@ -205,9 +205,9 @@ def editable(
     for read in (robot.path.read_bytes, lambda: robot.spec.to_xml().encode()):
         try:
             source = read()
-            text, moved = (_prepared(source, robot, it, new, replaced) for it in (STILL, moves))
-            if _is_same(robot, names, text, STILL) and _is_same(robot, names, moved, moves):
-                whole = _prepared(source, robot, STILL, {}, None)
+            text, moved = (_prepared(source, robot, it, new, replaced) for it in (_STILL, moves))
+            if _is_same(robot, names, text, _STILL) and _is_same(robot, names, moved, moves):
+                whole = _prepared(source, robot, _STILL, {}, None)
                 return Editable(whole, text, moved, sphere, plane, pair, replaced is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
@@ -239,7 +239,7 @@ def _folders(robot: RobotFile) -> dict[str, str]:
     return {"meshdir": str(here / spec.meshdir), "texturedir": str(here / spec.texturedir)}
 
 
-class Element(NamedTuple):
+class _Element(NamedTuple):
     """A start tag, its byte in the text, and the number of its owner.
 
     The owner is the nearest body, worldbody or default around it; -1 outside of these.
@@ -251,12 +251,12 @@ class Element(NamedTuple):
     attributes: Mapping[str, str]
 
 
-def elements_of(data: bytes) -> list[Element]:
+def _elements_of(data: bytes) -> list[_Element]:
     """Return the elements of an MJCF text in order."""
-    elements, owners, parser = list[Element](), [-1], _parser()
+    elements, owners, parser = list[_Element](), [-1], _parser()
 
     def begin(tag: str, attributes: Mapping[str, str]) -> None:
-        elements.append(Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
+        elements.append(_Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
         owns = tag in ("body", "worldbody", "default")
         owners.append(len(elements) - 1 if owns else owners[-1])
 
@@ -270,14 +270,14 @@ def _prepared(
     source: bytes, robot: RobotFile, moves: Moves, names: _Names, pair: int | None
 ) -> str:
     """Return a robot's file with new names and a new start, without one of its pairs."""
-    model, elements = robot.model, elements_of(source)
+    model, elements = robot.model, _elements_of(source)
 
-    def tagged(tag: str) -> list[Element]:
+    def tagged(tag: str) -> list[_Element]:
         return [element for element in elements if element.tag == tag]
 
     bodies = [body for body in tagged("body") if body.owner >= 0]
 
-    def part(kind: str, number: int) -> Element:
+    def part(kind: str, number: int) -> _Element:
         if kind == "body":
             return bodies[number - 1]
         body = int(model.geom_bodyid[number])
@@ -299,11 +299,11 @@ def _prepared(
             edits.append((key.at, "qvel", _added(old, moves.kick, robot.drift)))
     if pair is not None:
         edits.append((tagged("pair")[pair].at, "", ""))
-    text, folders = edited(source, edits), _folders(robot)
-    return before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
+    text, folders = _edited(source, edits), _folders(robot)
+    return _before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
 
 
-def edited(data: bytes, edits: Iterable[tuple[int, str, str]]) -> str:
+def _edited(data: bytes, edits: Iterable[tuple[int, str, str]]) -> str:
     """Return a text with edits: the byte of an element, its attribute, and the new value.
 
     With an empty attribute the whole element, which has no content, is deleted.
@@ -326,7 +326,7 @@ def _with_attribute(text: str, name: str, new: str) -> str:
     return f"{tag.group()} {name}={quoteattr(new)}{text[tag.end() :]}"
 
 
-def digits(numbers: Iterable[float]) -> str:
+def _digits(numbers: Iterable[float]) -> str:
     """Return numbers as the value of an attribute."""
     return " ".join(f"{number:.12g}" for number in numbers)
 
@@ -335,7 +335,7 @@ def _added(numbers: str, shift: Array, places: slice = slice(3)) -> str:
     """Return the numbers of an attribute with a shift (3,) added at three places."""
     values = np.array(numbers.split(), float)
     values[places] += shift
-    return digits(values)
+    return _digits(values)
 
 
 @dataclass(frozen=True)
@@ -387,8 +387,8 @@ class RobotNumbers(Numbers):
         text = self._changed(values)
         data = replace(self.robot, model=compiled(text)).start_as(start, self.table.keyframe)
         state = {"qpos": data.qpos, "qvel": data.qvel, "act": data.act, "ctrl": data.ctrl}
-        key = "".join(f' {k}="{digits(v)}"' for k, v in state.items() if len(v))
-        return before_end(text, [f'<keyframe><key name="fitted"{key}/></keyframe>'])
+        key = "".join(f' {k}="{_digits(v)}"' for k, v in state.items() if len(v))
+        return _before_end(text, [f'<keyframe><key name="fitted"{key}/></keyframe>'])
 
     def _changed(self, values: Mapping[str, float]) -> str:
         """Return the text with other numbers at some paths."""
@@ -397,7 +397,7 @@ class RobotNumbers(Numbers):
         for path, (value, _, place) in self.known.items():
             numbers[place].append(values.get(path, value))
         changed = dict.fromkeys(self.known[path].place for path in values)
-        return edited(self.source, [(*place, digits(numbers[place])) for place in changed])
+        return _edited(self.source, [(*place, _digits(numbers[place])) for place in changed])
 
 
 def robot_numbers(path: Path) -> RobotNumbers:
@@ -409,7 +409,7 @@ def robot_numbers(path: Path) -> RobotNumbers:
     if path.suffix not in MODEL_FILES:
         table = msgspec.convert(msgspec.toml.decode(contents(path)), RobotTable)
     robot = open_robot(path.parent / table.robot, table.shell)
-    source = editable(robot, STILL, {}, ()).source.encode()
+    source = editable(robot, _STILL, {}, ()).source.encode()
     return RobotNumbers(robot, source, table, controls_of(table, path.parent))
 
 
@@ -419,7 +419,7 @@ def _numbers(data: bytes) -> Iterator[tuple[str, Number]]:
     A path has the name of the body, and the name or tag of the element.
     """
     seen, paths, taken = set[str](), [""], Counter[str]()
-    for tag, at, owner, attributes in elements_of(data):
+    for tag, at, owner, attributes in _elements_of(data):
         above = paths[owner + 1]
         name = attributes.get("name") or attributes.get("class", tag) * (tag == "default") or tag
         path = name if tag == "body" or not above else f"{above}.{name}"

@@ -299,9 +299,7 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         plane = _floor(model, sphere)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
-    for implicit in (_inferred, _by_default, _balanced):
-        notes += implicit(spec)
-    notes += _ignored(model, sphere, plane)
+    notes += [*_inferred(spec), *_balanced(spec), *_ignored(model, sphere, plane)]
     return RobotFile(path, spec, model, sphere, plane, tuple(notes))
 
 
@@ -430,19 +428,6 @@ def _inferred(spec: Any) -> Iterator[str]:
         for body in bodies:
             if not body.explicitinertial and any(geom.mass != geom.mass for geom in body.geoms):
                 yield f"{body.name} has no inertial; its mass follows from the density of its geoms"
-
-
-def _by_default(spec: Any) -> Iterator[str]:
-    """Yield the damping and armature that joints take from default classes."""
-    joints: dict[str, list[str]] = {}
-    for joint in spec.joints:
-        for name in ("damping", "armature"):
-            value = np.ravel(getattr(joint, name))[0]
-            if value and value == np.ravel(getattr(joint.classname.joint, name))[0]:
-                line = f"{name} {value:g} comes from the default class {joint.classname.name}"
-                joints.setdefault(line, []).append(joint.name or "a joint")
-    for line, names in joints.items():
-        yield f"{', '.join(names)}: {line}"
 
 
 def _balanced(spec: Any) -> Iterator[str]:

@@ -16,7 +16,7 @@ from robotball import errors, processes
 from robotball.design import designing
 from robotball.engines.mujoco.mjcf_export import write_model
 from robotball.engines.mujoco.settings import Prescribed
-from robotball.errors import LONGEST_LINE
+from robotball.errors import _LONGEST_LINE
 from robotball.files.scene_writer import toml_of
 from robotball.robot import ball, drives, motors, scene
 from robotball.robot.ball import Ball, Frame, Hinge, Link, Rotor, Shell
@@ -301,7 +301,7 @@ def test_invalid_input_is_refused_in_one_line(snippet: str, facts: str) -> None:
     """With the value and its limit."""
     message = refusal(snippet)
     assert unnamed(facts, message) == []
-    assert len(message) <= LONGEST_LINE
+    assert len(message) <= _LONGEST_LINE
     assert "\n" not in message
 
 
@@ -324,7 +324,7 @@ def test_any_setting_is_accepted_or_refused_in_one_short_line(name: str) -> None
             continue
         with pytest.raises(rb.InputError, match=f"{name}|a Servo") as refusal:
             changed(**{name: value})
-        assert len(str(refusal.value)) <= LONGEST_LINE
+        assert len(str(refusal.value)) <= _LONGEST_LINE
 
 
 def test_numbers_of_numpy_are_accepted_as_settings() -> None:
@@ -342,6 +342,6 @@ def test_a_message_is_short_for_any_length_of_its_parts() -> None:
     """Its start and its end, with the remedy, are kept."""
     key = "k" * 4000
     message = str(rb.InputError(f"{key}: unknown key; " + "name " * 1000 + "did you mean mass?"))
-    assert len(message) <= LONGEST_LINE
+    assert len(message) <= _LONGEST_LINE
     assert message.startswith("kkk")
     assert message.endswith("did you mean mass?")

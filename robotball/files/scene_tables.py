@@ -2,7 +2,8 @@
 
 msgspec decodes a file into these records, and refuses unknown keys, wrong types and numbers beyond
 a key's limits. They are the only list of the keys: the reader (`scene_file`), its messages
-(`scene_keys`), the writer (`scene_writer`), docs/scene.md and the JSON schema all use them.
+(`scene_keys`), the writer (`scene_writer`), docs/scene.md and the JSON schema all use them. At the
+end, `Numbers` is the interface to the numbers of a scene or robot file by path.
 """
 
 from abc import ABC, abstractmethod

@@ -6,8 +6,8 @@ its breakpoints and continuous at them, and every integration stops there. Times
 increasing columns, in s from the start of the motion; SI units.
 
 A hinge without a motor keeps the drive as its rate [rad/s] exactly; for a motor it is a command,
-see `motors`. `function_drives` approximates users' functions, and is loaded only for scenes that
-have one. The end of this file has the error of a time step in sampling a drive.
+see `motors`. `function_drives` approximates users' functions. `sampling_error` is the error of a
+time step in sampling drives.
 """
 
 import itertools
@@ -479,12 +479,9 @@ def turns(drive: Drive) -> bool:
 def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> float:
     """Return the largest error of a drive's mean over a step, sampled at three instants.
 
-    It is the error of Simpson's rule with the begin, middle and end of the step, over the drive's
-    largest value. RK4 makes this error, so the path of a hinge with a prescribed rate has about the
-    same one. For a sine it is sin(x)/x - (2 + cos x)/3 of the amplitude with x = ω·timestep/2,
-    which is zero at no frequency. Steps begin at uneven times, because a drive whose period divides
-    the timestep has zero error at some phases. They end on the stops (n,) [s]: 0, breakpoints and
-    the end.
+    It is the error of Simpson's rule, which RK4 makes, over the drive's largest value. Steps begin
+    at uneven times, because a drive whose period divides the timestep has zero error at some
+    phases. They end on the stops (n,) [s]: 0, breakpoints and the end.
     """
     sides = stops[:: -(-len(stops) // _LOOKS)]
     spread = uneven(stops[-1], stops[-1] / _LOOKS)

@@ -3,7 +3,8 @@
 A hinge without a motor keeps its drive (`drives`) as its rate [rad/s] exactly. For a motor the
 drive is a command: a rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a fraction of
 the nominal voltage for a DCMotor, a torque [N m] for a Torque. The torque on a hinge acts from the
-parent on the child. SI units; slides have m and N.
+parent on the child. SI units; slides have m and N. An actuator may have an activation between
+command and law, which is a function of time and is computed before the run.
 """
 
 import math
@@ -380,8 +381,7 @@ class Activation:
             limit = f"a run of {end:g} s, of at most {_MOST_SETTLINGS * settling:g} s"
             line = f"a filter of {settling:g} s is too short for {limit}"
             raise InputError(f"{line}; leave it out, or give a constant control")
-        # w = exp(-(t - T)/τ)(w_T + ∫ u exp((s - T)/τ)/τ ds), with T shortly before t because the
-        # exponential would overflow otherwise.
+        # w = exp(-(t - T)/τ)(w_T + ∫ u exp((s - T)/τ)/τ ds), with T near t against overflow.
         from robotball.robot.function_drives import polynomials_of  # few actuators need it
 
         begins = np.arange(0.0, end, _LAGS * settling).tolist()

@@ -1,8 +1,8 @@
 """Read scenes from TOML: the catalog in scenes/ and users' files.
 
 msgspec decodes a file into the records of `scene_tables`, which check the keys. This file makes a
-Scene of them: solids, then bodies and hinges, then the start. `scene_keys` explains errors, and is
-loaded only for one.
+Scene of them: bodies and hinges, then the start. `scene_keys` explains errors, and is loaded only
+for one.
 """
 
 import itertools

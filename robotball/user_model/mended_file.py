@@ -3,6 +3,9 @@
 MuJoCo merges sections that appear twice, and uses the last value of an option. So the file stays as
 it is, except for names that the block needs, and a new start. MuJoCo first writes a file that
 cannot be changed in this way: a URDF, or a file with includes or replicas.
+
+`RobotNumbers` replaces numbers in the text, by paths such as "battery.mass" or "drive.gear". Paths
+use the names of MJCF; a default that the file does not state has no path.
 """
 
 import re

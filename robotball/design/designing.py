@@ -251,7 +251,7 @@ def describe(design: Design) -> str:
     for rotor, rate in zip(ball.rotors, design.rates[1:], strict=True):
         ring = math.sqrt(rotor.axial_inertia / rotor.mass)
         axis = f"axis {_in_digits(rotor.axis)}, {rate:.6g} rad/s"
-        rows.append(f"rotor   mass {rotor.mass:.6g} kg, ring of radius {ring:.4g} m, {axis}")
+        rows.append(f"rotor1  mass {rotor.mass:.6g} kg, ring of radius {ring:.4g} m, {axis}")
     return "\n".join([*rows, design.verdict])
 
 

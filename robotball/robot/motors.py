@@ -487,4 +487,4 @@ def _check_within(
     for t in np.linspace(0.0, end, _LOOKS).tolist():
         if not low - off <= value(t) <= high + off:
             line = f"{value(t):g} at t = {t:g} s, outside its range of {low:g} to {high:g}"
-            raise InputError(f"{name} is {line}; only a constant command is clipped")
+            raise InputError(f"{name} is {line}; keep it within: only constants are clipped")

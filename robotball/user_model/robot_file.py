@@ -481,14 +481,11 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
             other, sign = (below, 1.0) if at == above else (above, -1.0)
             name, solid = nodes[other]
             limits = model.joint(joint).name or f"joint{joint}", *model.jnt_range[joint].tolist()
-            links[joint] = Link(
-                name, parent, solid.mass, solid.inertia, solid.centre,
-                axis=sign * data.xaxis[joint],
-                pivot=data.xanchor[joint].copy(),
-                slides=bool(model.jnt_type[joint] == _SLIDE),
-                range=limits if model.jnt_limited[joint] else None,
-                shapes=solid.shapes,
-            )  # fmt: skip
+            body = name, parent, solid.mass, solid.inertia, solid.centre
+            axis, pivot = sign * data.xaxis[joint], data.xanchor[joint].copy()
+            slides = bool(model.jnt_type[joint] == _SLIDE)
+            limited = limits if model.jnt_limited[joint] else None
+            links[joint] = Link(*body, axis, pivot, slides, limited, shapes=solid.shapes)
             waiting.append((other, name))
     return _shell_of(robot.radius, nodes[of_shell][1]), links
 
@@ -497,13 +494,9 @@ def _shell_of(radius: float, solid: Solid) -> Shell:
     """Return a shell: the part of its inertia and centre symmetric about z, and the rest."""
     inertia = solid.inertia
     axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
-    return Shell(
-        radius, solid.mass, axial, across, Z,
-        offset=float(solid.centre[2]),
-        asymmetry=inertia - np.diag([across, across, axial]),
-        aside=solid.centre * [1.0, 1.0, 0.0],
-        shapes=solid.shapes,
-    )  # fmt: skip
+    asymmetry, aside = inertia - np.diag([across, across, axial]), solid.centre * [1.0, 1.0, 0.0]
+    moments, offset = (axial, across), float(solid.centre[2])
+    return Shell(radius, solid.mass, *moments, Z, offset, asymmetry, aside, shapes=solid.shapes)
 
 
 def _nodes(

@@ -114,8 +114,7 @@ def in_processes(
     results must be picklable. It is called in this process if only one is allowed or there are
     fewer jobs than `least`, because a process takes a second to start. Warnings and errors are
     passed to the caller. The processes end with the iterator.
-    or_here: do the jobs in this process if they cannot be pickled, for example because they hold a
-    user's functions.
+    or_here: do jobs that cannot be pickled, such as users' functions, in this process.
     Raises ChildProcessError if a process dies.
     """
     count = min(allowed(), len(jobs))

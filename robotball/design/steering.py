@@ -303,15 +303,12 @@ class _Way:
 def _forward(way: _Way, times: Array) -> Array:
     """Return y (7 + h, n), integrated forward from the start."""
     # Gravity exerts no torque on a balanced ball, so no weight can fall over.
-    solved = solve_ivp(
-        lambda t, y: way.rate(np.array([t]), y[:, None])[:, 0],
-        (0.0, float(times[-1])),
-        way.start(),
-        "DOP853",
-        times,
-        rtol=_TOLERANCE,
-        atol=_TOLERANCE,
-    )
+    span, off = (0.0, float(times[-1])), _TOLERANCE
+
+    def rate(t: float, y: Array) -> Array:
+        return way.rate(np.array([t]), y[:, None])[:, 0]
+
+    solved = solve_ivp(rate, span, way.start(), "DOP853", times, rtol=off, atol=off)
     if not solved.success:
         raise _no_drives(way)
     return np.asarray(solved.y)
@@ -323,11 +320,10 @@ def _no_drives(way: _Way) -> InputError:
 
 
 def _bounded(way: _Way, times: Array) -> Array:
-    """Return y (7 + h, n) for hanging weights, of all solutions the bounded one.
+    """Return the bounded solution y (7 + h, n) for hanging weights.
 
-    Integrated forward in time, a weight that is moved as the path requires falls over. So M = 0 is
-    imposed at the end, where everything rests, instead of at the start. The initial guess is a
-    weight that hangs straight down.
+    Integrated forward in time a weight would fall over, so M = 0 is imposed at the end. The initial
+    guess is a weight that hangs straight down.
     """
     # In the rubber model M is horizontal: its third component is 0 and not an unknown.
     count, start = 3 if way.scene.rolling == "classical" else 2, way.start()
@@ -345,14 +341,10 @@ def _bounded(way: _Way, times: Array) -> Array:
         begin = (first[:4] - first_q, first[4 + count :] - first_angles)
         return np.concatenate([*begin, last[4 : 4 + count]])
 
-    solved = solve_bvp(
-        lambda t, part: way.rate(t, whole(part))[kept],
-        ends,
-        times,
-        guess,
-        tol=_BVP_TOLERANCE,
-        max_nodes=_MOST_NODES,
-    )
+    def rate(t: Array, part: Array) -> Array:
+        return way.rate(t, whole(part))[kept]
+
+    solved = solve_bvp(rate, ends, times, guess, tol=_BVP_TOLERANCE, max_nodes=_MOST_NODES)
     if not solved.success:
         raise _no_drives(way)
     return whole(solved.sol(times))

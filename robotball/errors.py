@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 LARGEST = 1e50  # SI units: far beyond any ball, and products of a few such values do not overflow
 _MAX_COUNT = 10_000_000  # of any counted thing; more would fill the memory
 END_ROUNDING = 1e-9  # relative: a time beyond the end of a run by less counts as the end
-_LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
+_LONGEST_WORD, _LONGEST_LINE = 200, 500  # characters of a message
 _MAX_LISTED = 12  # names that a message lists before it says how many there are
 _PACKAGES = ("robotball", "validation")
 _SAVED_HANDLERS: list[Any] = []  # MuJoCo's warning handler before each active `mujoco_silent`
@@ -46,7 +46,7 @@ class InputError(ValueError):
     def __init__(self, message: str) -> None:
         # A quoted key or file name may contain line breaks and have any length.
         words = (_shortened(word, _LONGEST_WORD) for word in message.split())
-        super().__init__(_shortened(" ".join(words), LONGEST_LINE))
+        super().__init__(_shortened(" ".join(words), _LONGEST_LINE))
 
 
 def _shortened(text: str, most: int) -> str:

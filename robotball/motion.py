@@ -31,7 +31,7 @@ _TOLERANCE_TIME = 10.0  # s, the duration for which an error tolerance is stated
 _LOOSEST = 1e-2  # upper limit of a tolerance for longer runs
 # Long motions are processed in pieces, because temporaries of a whole motion would need more memory
 # than the motion. A multiple of BLAS's block size, so that results do not depend on the cuts.
-PIECE = 65_536  # samples
+_PIECE = 65_536  # samples
 
 _Preset = TypeVar("_Preset", bound="EngineSettings")
 _Extended = TypeVar("_Extended", bound="Motion")
@@ -470,9 +470,9 @@ def arrays_of(record: Any, path: _ArrayPath = ()) -> Iterator[tuple[_ArrayPath, 
 
 
 def pieces(count: int) -> Iterator[slice]:
-    """Yield consecutive slices of at most PIECE samples."""
-    for i in range(0, count, PIECE):
-        yield slice(i, min(i + PIECE, count))
+    """Yield consecutive slices of at most _PIECE samples."""
+    for i in range(0, count, _PIECE):
+        yield slice(i, min(i + _PIECE, count))
 
 
 def tolerated(tolerance: float, times: ArrayLike) -> Array:

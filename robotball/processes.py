@@ -50,7 +50,6 @@ _CHILDREN = threading.Lock()  # multiprocessing polls all processes when any thr
 _MAX_STARTS = 10  # attempts to start a process that is killed before it is ready
 _IDLE = 60.0  # s without a job until a process ends
 _GRACE = 1.0  # s for a process to end; then it is killed (compiled code writes no files)
-_LIMIT_PARTS = 20  # a limit is awaited in parts: if this process is suspended, one part is lost
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -115,8 +114,7 @@ def in_processes(
     results must be picklable. It is called in this process if only one is allowed or there are
     fewer jobs than `least`, because a process takes a second to start. Warnings and errors are
     passed to the caller. The processes end with the iterator.
-    or_here: do the jobs in this process if they cannot be pickled, for example because they hold a
-    user's functions.
+    or_here: do jobs that cannot be pickled, such as users' functions, in this process.
     Raises ChildProcessError if a process dies.
     """
     count = min(allowed(), len(jobs))
@@ -231,7 +229,7 @@ class Worker:
             self._start()
         try:
             self._pipe.send(job)
-            if answered := self._answers(limit):
+            if answered := self._pipe.poll(limit):
                 result, error, lines = self._pipe.recv()
         except (OSError, EOFError):
             raise EndedError(self.end()) from None
@@ -282,11 +280,6 @@ class Worker:
             "a worker process was killed from outside, or by a script that starts processes when "
             'imported: put its top-level code below `if __name__ == "__main__":`'
         )
-
-    def _answers(self, limit: float | None) -> bool:
-        if limit is None:
-            return self._pipe.poll(None)
-        return any(self._pipe.poll(limit / _LIMIT_PARTS) for _ in range(_LIMIT_PARTS))
 
 
 def _start_server(modules: Iterable[str]) -> None:

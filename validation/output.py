@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robotball.errors import InputError
-from robotball.files.json_text import json_text
+from robotball.files import json_text
 from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused, replacing
 from robotball.motion import versions
 

@@ -31,8 +31,8 @@ from robotball import (
 )
 from robotball.engines.engine import DEFAULT
 from robotball.errors import call_users
+from robotball.files import json_text
 from robotball.files.columns import read_samples
-from robotball.files.json_text import json_text
 from robotball.motion import Label, versions
 from robotball.robot.drives import Rate
 from robotball.robot.scene import Times

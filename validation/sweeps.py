@@ -23,8 +23,7 @@ import msgspec
 
 from robotball import InputError
 from robotball.errors import check_count, check_positive
-from robotball.files import readable
-from robotball.files.json_text import json_text
+from robotball.files import json_text, readable
 from robotball.files.replacing import no_regular_file
 from robotball.motion import versions
 from robotball.processes import Answer, EndedError, cores, pool

@@ -149,11 +149,9 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     # Hinges with neither rate nor motor are fixed; free ones cannot be driven.
     driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
     if driven.sum() < 2:
-        raise InputError(
-            f"{scene.name}: {driven.sum()} driven hinges, two are needed to roll anywhere: give "
-            "more hinges a rate or a motor"
-        )
-    way = Way(scene, path, duration, driven)
+        line = f"{driven.sum()} driven hinges of two; give more hinges a rate or a motor"
+        raise InputError(f"{scene.name}: {line}")
+    way = _Way(scene, path, duration, driven)
     times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
     motion = way.motion(times, y)
@@ -182,16 +180,12 @@ def _is_driven(hinge: MovedHinge) -> bool:
 def _check_reach(scene: Scene, times: Array, motion: _RobotMotion) -> None:
     least, fastest = int(motion.reach.argmin()), int(np.abs(motion.u[3:]).max(axis=0).argmax())
     if motion.reach[least] < _SINGULAR:
-        raise InputError(
-            f"{scene.name}: at t = {times[least]:.4g} s the hinges cannot roll the ball in every "
-            "direction: the momenta that they produce are parallel; choose another path or attitude"
-        )
+        line = "the hinges cannot roll the ball in every direction; choose another path or attitude"
+        raise InputError(f"{scene.name}: at t = {times[least]:.4g} s {line}")
     speed = float(np.abs(motion.u[3:, fastest]).max())
     if not speed < _FASTEST:
-        raise InputError(
-            f"{scene.name}: at t = {times[fastest]:.4g} s a hinge would have to turn at "
-            f"{speed:.3g} rad/s; increase the duration or choose another path"
-        )
+        line = f"a hinge needs {speed:.3g} rad/s; increase the duration or choose another path"
+        raise InputError(f"{scene.name}: at t = {times[fastest]:.4g} s {line}")
 
 
 def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> list[str]:
@@ -208,9 +202,7 @@ def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> li
             lines.append(f"{hinge.name} needs {torque:.3g} N m; its motor gives {limit:g} N m")
         rate = float(np.abs(motion.hinge_rates[:, i]).max())
         if rate > rate_limit:
-            lines.append(
-                f"{hinge.name} turns at {rate:.3g} rad/s; the limit is {rate_limit:g} rad/s"
-            )
+            lines.append(f"{hinge.name} turns at {rate:.3g} rad/s, of at most {rate_limit:g} rad/s")
     if slipping := getattr(motion, "slipping", ()):
         lines.append(f"slips from t = {slipping[0][0]:.3g} s: give the plane more friction")
     friction = robot.friction
@@ -219,13 +211,12 @@ def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> li
         lines.append(f"slips: needs a sliding friction of {sliding:.3g}, has {friction.sliding:g}")
     torsional = float(loads.torsional_friction.max())
     if friction.torsional is not None and torsional > friction.torsional:
-        lines.append(
-            f"spins: needs a torsional friction of {torsional:.3g} m, has {friction.torsional:g} m"
-        )
+        has = f"has {friction.torsional:g} m"
+        lines.append(f"spins: needs a torsional friction of {torsional:.3g} m, {has}")
     return lines
 
 
-class Way:
+class _Way:
     """Differential equation of y = (q, M, hinge angles) along a path, vectorised over n times."""
 
     def __init__(self, scene: Scene, path: WantedPath, duration: float, driven: Mask) -> None:
@@ -313,39 +304,32 @@ class Way:
         return np.where(astray, np.nan, np.concatenate([np.stack(spin), L_rate, now.u[3:]]))
 
 
-def _forward(way: Way, times: Array) -> Array:
+def _forward(way: _Way, times: Array) -> Array:
     """Return y (7 + h, n), integrated forward from the start."""
     # Gravity exerts no torque on a balanced ball, so no weight can fall over.
-    solved = solve_ivp(
-        lambda t, y: way.rate(np.array([t]), y[:, None])[:, 0],
-        (0.0, float(times[-1])),
-        way.start(),
-        "DOP853",
-        times,
-        rtol=_TOLERANCE,
-        atol=_TOLERANCE,
-    )
+    span, off = (0.0, float(times[-1])), _TOLERANCE
+
+    def rate(t: float, y: Array) -> Array:
+        return way.rate(np.array([t]), y[:, None])[:, 0]
+
+    solved = solve_ivp(rate, span, way.start(), "DOP853", times, rtol=off, atol=off)
     if not solved.success:
         raise _no_drives(way)
     return np.asarray(solved.y)
 
 
-def _no_drives(way: Way) -> InputError:
-    return InputError(
-        f"{way.scene.name}: found no drives that roll it along this path; increase the duration or "
-        "choose gentler turns"
-    )
+def _no_drives(way: _Way) -> InputError:
+    line = "no drives roll it along this path; increase the duration or choose gentler turns"
+    return InputError(f"{way.scene.name}: {line}")
 
 
-def _bounded(way: Way, times: Array) -> Array:
-    """Return y (7 + h, n) for hanging weights, of all solutions the bounded one.
+def _bounded(way: _Way, times: Array) -> Array:
+    """Return the bounded solution y (7 + h, n) for hanging weights.
 
-    Integrated forward in time, a weight that is moved as the path requires falls over. So M = 0 is
-    imposed at the end, where everything rests, instead of at the start. The initial guess is a
-    weight that hangs straight down.
+    Integrated forward in time a weight would fall over, so M = 0 is imposed at the end. The initial
+    guess is a weight that hangs straight down.
     """
     # In the rubber model M is horizontal: its third component is 0 and not an unknown.
-    # In the rubber model M is horizontal: its third component stays 0, and is no unknown.
     count, start = 3 if way.scene.rolling == "classical" else 2, way.start()
     kept = [0, 1, 2, 3, *range(4, 4 + count), *range(7, len(start))]
 
@@ -361,20 +345,16 @@ def _bounded(way: Way, times: Array) -> Array:
         begin = (first[:4] - first_q, first[4 + count :] - first_angles)
         return np.concatenate([*begin, last[4 : 4 + count]])
 
-    solved = solve_bvp(
-        lambda t, part: way.rate(t, whole(part))[kept],
-        ends,
-        times,
-        guess,
-        tol=_BVP_TOLERANCE,
-        max_nodes=_MOST_NODES,
-    )
+    def rate(t: Array, part: Array) -> Array:
+        return way.rate(t, whole(part))[kept]
+
+    solved = solve_bvp(rate, ends, times, guess, tol=_BVP_TOLERANCE, max_nodes=_MOST_NODES)
     if not solved.success:
         raise _no_drives(way)
     return whole(solved.sol(times))
 
 
-def _hanging(way: Way, times: Array) -> Array:
+def _hanging(way: _Way, times: Array) -> Array:
     """Return y (7 + h, n) of a rolling shell with weights that hang below its centre."""
     robot, start = way.robot, way.start()
     e = way.scene.ball.shell.axis
@@ -403,7 +383,7 @@ def _hanging(way: Way, times: Array) -> Array:
     return y
 
 
-def _balanced(way: Way, shell: Array, angles: Array) -> Array:
+def _balanced(way: _Way, shell: Array, angles: Array) -> Array:
     """Return hinge angles (h,) near `angles` with the centre of mass below the ball's centre."""
     scene, e = way.scene, way.scene.ball.shell.axis
     masses = scene.robot.bodies[:, 0]

@@ -1,22 +1,31 @@
 """Read and write scenes, bodies and motions; open the user's files safely.
 
 `contents` and `opened` read only regular files, up to a size limit; `readable` turns a reader's
-errors into an InputError. `replacing` writes files; the other modules implement the formats.
+errors into an InputError. `json_text` writes any result as strict JSON: results follow long
+computations, so a value without a JSON equivalent becomes null, a list, an object or its text.
+`replacing` writes files; the other modules implement the formats.
 """
 
 import errno
+import json
+import math
 import os
 import stat
 from codecs import BOM_UTF8
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from numbers import Integral, Real
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from robotball.errors import InputError
 
 MB = 1e6  # bytes
 _MAX_BYTES = 10_000_000  # of a scene, robot or record file; catalog scenes have at most 1.4 kB
+_MAX_DEPTH = 100  # nested lists and objects in JSON; readers may refuse more
+_MAX_BITS = 1024  # of an integer; more would overflow a float
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Exceptions that readers raise for damaged, too deeply nested or foreign bytes. Readers' own error
 # classes are recognized by module name, because not all of these modules are loaded.
@@ -74,3 +83,64 @@ def opened(path: Path, longest: int = _MAX_BYTES) -> Iterator[BinaryIO]:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     with file:
         yield file
+
+
+def json_text(value: object, indent: int | None = None) -> str:
+    """Return a value as JSON text, on one line if `indent` is None.
+
+    NaN, infinities and integers beyond the range of a float become null, enumeration members their
+    value, dataclasses and msgspec structs objects, arrays and other collections lists, and any
+    other value its text.
+    """
+    return json.dumps(_plain(value), indent=indent, ensure_ascii=False)
+
+
+def embedded_json(value: object) -> str:
+    """Return JSON that cannot end a script element of a page: `<` is escaped."""
+    return json_text(value).replace("<", "\\u003c")
+
+
+def _plain(value: Any, above: tuple[int, ...] = ()) -> Any:
+    """Return a value as JSON types; above: ids of the containers around it."""
+    try:
+        match value:
+            case None | bool():
+                return value
+            case Enum():
+                return _plain(value.value, above)
+            case str():
+                return _text(value)
+            case Integral():
+                return int(value) if int(value).bit_length() <= _MAX_BITS else None
+            case Real():
+                return float(value) if math.isfinite(value) else None
+            case _ if id(value) in above or len(above) >= _MAX_DEPTH or isinstance(value, bytes):
+                return _text(value)
+            case _ if hasattr(value, "tolist"):  # NumPy is not imported here, nor is msgspec
+                inside = value.tolist()
+                return _text(value) if inside is value else _plain(inside, (*above, id(value)))
+            case Mapping():
+                items = [*value.items()]
+            case _ if is_dataclass(value) and not isinstance(value, type):
+                items = [(field.name, getattr(value, field.name)) for field in fields(value)]
+            case _ if hasattr(value, "__struct_fields__"):
+                items = [(name, getattr(value, name)) for name in value.__struct_fields__]
+            case Collection():
+                return [_plain(item, (*above, id(value))) for item in value]
+            case _:
+                return _text(value)
+        return {_key(key): _plain(item, (*above, id(value))) for key, item in items}
+    except Exception:  # raised by a method of the object; the other results must not be lost
+        return _text(value)
+
+
+def _key(key: object) -> str:
+    return _text(key.value if isinstance(key, Enum) else key)
+
+
+def _text(value: object) -> str:
+    """Return a value's text, with unpaired surrogates replaced by `?`."""
+    try:
+        return str(value).encode(errors="replace").decode()
+    except Exception:
+        return f"<{type(value).__name__}>"

@@ -4,13 +4,12 @@ Numbers are restored to the last bit. The CSV reader accepts what simulators wri
 comments, a line of units, a byte order mark.
 """
 
-import codecs
 import contextlib
 import io
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -25,20 +24,12 @@ from robotball.robot.drives import Samples
 from robotball.rotations import Array
 
 _COMMENT = ("#", "%", "//")  # of Python and gnuplot, MATLAB, C++
-_MARKS = {
-    codecs.BOM_UTF8: "utf-8-sig",
-    codecs.BOM_UTF16_LE: "utf-16",
-    codecs.BOM_UTF16_BE: "utf-16",
-}
 _CHUNK = 20_000  # lines read at once, to keep the text of a long file out of memory
 _LONGEST = 4_000_000_000  # bytes of a file; a one-day motion sampled every 20 ms takes 2.5e9 as CSV
 _MAX_MEMORY = 1_000_000_000  # bytes of all numbers; that motion takes 0.9e9
 _FLOAT_BYTES = 8
 # JSON members of an NPZ and metadata keys of a Parquet file; in a CSV, units are in the header.
 _HEADER, _UNITS = "header", "units"
-_PARQUET_EXTRA = (
-    "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
-)
 # Units that need no conversion. The drive decides if its values are rates, angles or torques.
 _TIME, VALUES = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
 
@@ -47,15 +38,11 @@ _Line = tuple[int, str]  # line number, from 1, and text
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of equal length, their units and the texts of the header, keyed by name.
-
-    notes: one line for each interpretation made while reading.
-    """
+    """Columns of equal length, their units and the texts of the header, keyed by name."""
 
     columns: Mapping[str, Array]
     units: Mapping[str, str]
     header: Mapping[str, str]
-    notes: tuple[str, ...] = ()
 
 
 def write_table(path: Path, table: Table) -> None:
@@ -96,9 +83,8 @@ def read_samples(path: Path) -> Samples:
     """
     table = read_table(path)
     if len(table.columns) != 2:
-        raise InputError(
-            f"{path}: samples need two columns, time and value, not {', '.join(table.columns)}"
-        )
+        there = ", ".join(table.columns)
+        raise InputError(f"{path}: samples need two columns, time and value, not {there}")
     for name, units in zip(table.columns, (_TIME, VALUES), strict=True):
         if (unit := table.units.get(name)) and unit not in units:
             raise InputError(f"{path}: {name} is in {unit}; samples need {', '.join(units[:3])}")
@@ -124,16 +110,12 @@ def _read_csv(file: BinaryIO, empty: str) -> Table:
     The column names may be in a comment, and a line of units may follow them. Decimal commas are
     accepted if another character separates the cells.
     """
-    # Excel writes a byte order mark, which would become an invisible part of the first name.
-    start = file.read(len(codecs.BOM_UTF8))
-    encoding = next((_MARKS[mark] for mark in _MARKS if start.startswith(mark)), None)
-    file.seek(0)
-    notes = ("skipped the byte order mark at the start",) if encoding else ()
+    # -sig: Excel writes a byte order mark, which would become a part of the first name.
     try:
-        with io.TextIOWrapper(file, encoding or "utf-8") as text:
-            return replace(_table(enumerate(text, 1), empty), notes=notes)
+        with io.TextIOWrapper(file, "utf-8-sig") as text:
+            return _table(enumerate(text, 1), empty)
     except UnicodeDecodeError:
-        raise InputError("the file is not text in UTF-8 or UTF-16") from None
+        raise InputError("the file is not text in UTF-8; save it in this encoding") from None
 
 
 def _table(lines: Iterator[_Line], empty: str) -> Table:
@@ -214,15 +196,11 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(
-    names: list[str],
-    lines: list[_Line],
-    delimiter: str | None,
-    comments: list[str],
-    empty: str,
+    names: list[str], lines: list[_Line], delimiter: str | None, comments: list[str], empty: str
 ) -> Array:
-    """Return the numbers (n, columns) of the lines. Comments are appended to `comments`.
+    """Return the numbers (n, columns) of the lines, and `empty` for an empty cell.
 
-    empty: the text to read for an empty cell.
+    Comments are appended to `comments`.
     """
     # Try NumPy on the whole chunk first; if it fails, read line by line to name the bad cell.
     texts = [line if delimiter == "," else line.replace(",", ".") for _, line in lines]
@@ -241,9 +219,7 @@ def _checked(
     for number, line in rows:
         cells = _cells(line if delimiter == "," else line.replace(",", "."), delimiter)
         if len(cells) != len(names):
-            raise InputError(
-                f"line {number} has {len(cells)} values, but there are {len(names)} columns"
-            )
+            raise InputError(f"line {number} has {len(cells)} values in {len(names)} columns")
         try:
             yield [float(cell or empty) for cell in cells]
         except ValueError:
@@ -276,10 +252,8 @@ def _read_npz(file: BinaryIO) -> Table:
 
 def _check_size(size: int) -> None:
     if size > _MAX_MEMORY:
-        raise InputError(
-            f"it takes {size / MB:.4g} MB of memory, at most {_MAX_MEMORY / MB:g} are allowed: "
-            "shorten it"
-        )
+        limit = _MAX_MEMORY / MB
+        raise InputError(f"it takes {size / MB:.4g} MB of memory, of {limit:g} MB: shorten it")
 
 
 def _texts(member: Any) -> dict[str, str]:
@@ -311,7 +285,8 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        raise InputError(_PARQUET_EXTRA) from None
+        line = "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz"
+        raise InputError(line) from None
     return pyarrow, parquet
 
 
@@ -332,9 +307,7 @@ def _read_parquet(file: BinaryIO) -> Table:
         for field, column in zip(whole.schema, whole.columns, strict=True)
         if types.is_floating(field.type) or types.is_integer(field.type)
     }
-    metadata = whole.schema.metadata or {}
-    header, units = (
-        _texts(metadata.get(name.encode(), b"").decode(errors="replace"))
-        for name in (_HEADER, _UNITS)
-    )
+    keys, metadata = (_HEADER, _UNITS), whole.schema.metadata or {}
+    texts = (metadata.get(key.encode(), b"").decode(errors="replace") for key in keys)
+    header, units = map(_texts, texts)
     return Table(dict(_columns(arrays)), units, header)

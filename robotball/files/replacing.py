@@ -101,9 +101,8 @@ def is_own(folder: Path) -> bool:
 def foreign_in(folder: Path) -> Path | None:
     """Return the first entry of a folder of executed code that others could change, or None.
 
-    Every entry must belong to this user and not be writable by others, nor by the group if the
-    group can enter the folder. A link may point to a file of root. Hidden files are skipped: they
-    are locks and caches of the programs that made the folder.
+    Entries must belong to this user and not be writable by others, nor by a group that can enter
+    the folder. A link may point to a file of root. Hidden files, such as locks, are skipped.
     """
     if not is_own(folder):
         return folder

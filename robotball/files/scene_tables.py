@@ -2,13 +2,15 @@
 
 msgspec decodes a file into these records, and refuses unknown keys, wrong types and numbers beyond
 a key's limits. They are the only list of the keys: the reader (`scene_file`), its messages
-(`scene_keys`), the writer (`scene_writer`), docs/scene.md and the JSON schema all use them.
+(`scene_keys`), the writer (`scene_writer`), docs/scene.md and the JSON schema all use them. At the
+end, `Numbers` is the interface to the numbers of a scene or robot file by path.
 """
 
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
@@ -16,7 +18,7 @@ from robotball.errors import InputError, unknown
 from robotball.robot.ball import shell_inertia, wall_volume
 from robotball.robot.drives import COMMAND, Ramp, Rate, Samples, Sine, Sum, key
 from robotball.robot.formulas import Rolling
-from robotball.robot.scene import DOWN, GRAVITY
+from robotball.robot.scene import DOWN, GRAVITY, Scene
 
 _Triple = tuple[float, float, float]
 _Quadruple = tuple[float, float, float, float]
@@ -154,14 +156,10 @@ class HingeTable(Table, frozen=True):
     """The drive and the initial state of a hinge."""
 
     # None marks a missing key: 0 would be a value, and a key of another drive is refused.
-    rate: Annotated[
-        Command | None, key("commanded rate, a command as below; 0 if not given", "rad/s")
-    ] = None
-    angle: Annotated[Command | None, key("commanded angle, a command as below", "rad")] = None
-    torque: Annotated[Command | None, key("commanded torque, a command as below", "N m")] = None
-    supply: Annotated[
-        Command | None, key("fraction of the nominal voltage, -1 to 1, a command as below", "1")
-    ] = None
+    rate: Annotated[Command | None, key("commanded rate, see below; else 0", "rad/s")] = None
+    angle: Annotated[Command | None, key("commanded angle, see below", "rad")] = None
+    torque: Annotated[Command | None, key("commanded torque, see below", "N m")] = None
+    supply: Annotated[Command | None, key("share of the voltage, -1 to 1, see below", "1")] = None
     drive: Annotated[
         _DriveName, key("the motor of the hinge, see Drives; `prescribed`: exact rate, no motor")
     ] = "prescribed"
@@ -173,26 +171,16 @@ class HingeTable(Table, frozen=True):
     gear: Annotated[float | None, key("motor turns per hinge turn; 1 if not given")] = None
     rotor_inertia: Annotated[float | None, key("inertia of the motor's rotor", "kg m²")] = None
     torque_limit: Annotated[float | None, key("the motor's largest torque", "N m")] = None
-    efficiency: Annotated[
-        float | None, key("fraction of the torque that the gear transmits; 1 if not given")
-    ] = None
-    no_load_current: Annotated[
-        float | None, key("current at the no-load speed, which gives the motor dry friction", "A")
-    ] = None
+    efficiency: Annotated[float | None, key("share of the torque behind the gear; else 1")] = None
+    no_load_current: Annotated[float | None, key("at no-load speed; gives friction", "A")] = None
     stall_current: Annotated[float | None, key("at rest; needed by no_load_current", "A")] = None
     damping: Annotated[float | None, key("torque against the rate", "N m s/rad")] = None
     stiffness: Annotated[float | None, key("stiffness of a spring", "N m/rad")] = None
     rest: Annotated[float | None, key("rest angle of the spring", "rad")] = None
-    friction: Annotated[
-        float | None, key("dry friction, smoothed below 1e-3 rad/s in the equations", "N m")
-    ] = None
-    armature: Annotated[
-        float | None, key("inertia of the motor's rotor times its gear ratio squared", "kg m²")
-    ] = None
+    friction: Annotated[float | None, key("dry friction, smoothed below 1e-3 rad/s", "N m")] = None
+    armature: Annotated[float | None, key("rotor inertia times gear ratio squared", "kg m²")] = None
     initial_angle: Annotated[float, key("angle at the start", "rad")] = 0.0
-    initial_rate: Annotated[
-        float | None, key("rate at the start; if not given, a servo's command or 0", "rad/s")
-    ] = None
+    initial_rate: Annotated[float | None, key("else a servo's command, or 0", "rad/s")] = None
 
     def __post_init__(self) -> None:
         drive = DRIVES[self.drive]
@@ -203,18 +191,14 @@ class HingeTable(Table, frozen=True):
         for name in self.given(*_DRIVE_KEYS):
             if name not in drive.allowed:
                 owners = [f'"{owner}"' for owner, kind in DRIVES.items() if name in kind.allowed]
-                raise ValueError(
-                    f'{name} belongs to drive = {" or ".join(owners)}, not to "{self.drive}"'
-                )
+                drives = " or ".join(owners)
+                raise ValueError(f'{name} belongs to drive = {drives}, not to "{self.drive}"')
 
 
 _Name = Annotated[str | None, key("one word, the name of the part in `fit`")]
 _Mass = Annotated[_Positive, key("mass", "kg")]
 _Place = Annotated[_Triple, key("position of its middle, from the sphere's centre", "m")]
-_Axis = Annotated[
-    _Triple | None,
-    key("symmetry axis; if not given, the axis of the shell or rotor, or else z"),
-]
+_Axis = Annotated[_Triple | None, key("symmetry axis; else the shell's or rotor's, or z")]
 
 
 class _Matter(Table, frozen=True):
@@ -226,9 +210,7 @@ class _Matter(Table, frozen=True):
 
     def __post_init__(self) -> None:
         if len(ways := self.given(*_MASS_KEYS)) > 1:
-            raise ValueError(
-                f"it takes one of mass, density and material, not {' and '.join(ways)}"
-            )
+            raise ValueError(f"it takes mass, density or material, not {' and '.join(ways)}")
         if self.material is not None and self.material.lower() not in DENSITIES:
             raise unknown("material", self.material, DENSITIES)
 
@@ -274,9 +256,7 @@ class _Bored(_Round, frozen=True):
         super().__post_init__()
         if not self.inner_radius < self.outer:
             inner, outer = self.inner_radius, self.outer
-            raise ValueError(
-                f"inner_radius must be less than the radius {outer:g}, not {inner:g} m"
-            )
+            raise ValueError(f"inner_radius must be below the radius {outer:g}, not {inner:g} m")
 
 
 class Point(Table, frozen=True, kw_only=True, tag_field="kind", tag="point"):
@@ -300,9 +280,7 @@ class Box(_Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
 
     size: Annotated[tuple[_Positive, _Positive, _Positive], key("full lengths of its edges", "m")]
     centre: _Place = _ORIGIN
-    attitude: Annotated[
-        _Quadruple, key("quaternion (w, x, y, z) that rotates its edges from x, y, z")
-    ] = _UPRIGHT
+    attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) of its edges")] = _UPRIGHT
     name: _Name = None
 
 
@@ -346,9 +324,7 @@ class _BodyFile(Table, frozen=True):
     """A body in a model file, and its pose in the ball."""
 
     file: Annotated[str, key("the file; a relative path is from the scene's own folder")]
-    origin: Annotated[_Triple, key("position of its origin, from the sphere's centre", "m")] = (
-        _ORIGIN
-    )
+    origin: Annotated[_Triple, key("its origin, from the sphere's centre", "m")] = _ORIGIN
     attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) that rotates its axes")] = _UPRIGHT
 
 
@@ -377,28 +353,16 @@ class Axial(Table, frozen=True):
     transverse: Annotated[float, key("moment about a line across the axis", "kg m²")]
 
 
-class ShellInertia(Table, frozen=True):
-    """Two moments about the shell's centre of mass, or a thickness."""
-
-    axial: Annotated[float | None, key("moment about the axis", "kg m²")] = None
-    transverse: Annotated[float | None, key("moment about a line across the axis", "kg m²")] = None
-    thickness: Annotated[_Positive | None, key("as `thickness` of the shell", "m")] = None
-
-
 class ShellTable(_Round, frozen=True):
     """The sphere that rolls: a wall and parts fixed to it; symmetric about `axis`."""
 
     thickness: Annotated[_Positive | None, key("thickness of the uniform wall", "m")] = None
     inertia: Annotated[
-        Literal["thin"] | ShellInertia | None,
+        Literal["thin"] | Axial | None,
         key('of the wall, instead of its thickness: `"thin"` for a thin wall, or two moments'),
     ] = None
-    axis: Annotated[
-        _Triple, key("axis of the frame's hinge in the shell; a direction of any length")
-    ] = (0.0, 0.0, 1.0)
-    offset: Annotated[
-        float, key("position of the wall's centre of mass along `axis`, from the sphere's", "m")
-    ] = 0.0
+    axis: Annotated[_Triple, key("axis of the frame's hinge; of any length")] = (0.0, 0.0, 1.0)
+    offset: Annotated[float, key("of the wall's centre of mass along `axis`", "m")] = 0.0
     part: Annotated[list[Part] | None, key("parts fixed to the wall, see Parts")] = None
     mjcf: Annotated[_MjcfTable | None, key("the whole shell from an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("the whole shell from a URDF file")] = None
@@ -419,10 +383,6 @@ class ShellTable(_Round, frozen=True):
         Raises InputError for missing keys and for keys that exclude each other.
         """
         inertia, thickness = self.inertia, self.thickness
-        if isinstance(inertia, ShellInertia) and inertia.thickness is not None:
-            if thickness is not None or inertia.given("axial", "transverse"):
-                raise InputError("shell.inertia takes a thickness alone")
-            thickness, inertia = inertia.thickness, None
         if inertia is not None and thickness is not None:
             raise InputError("shell takes thickness or inertia, not both")
         if thickness is not None:
@@ -438,8 +398,6 @@ class ShellTable(_Round, frozen=True):
         if inertia == "thin":
             moment = shell_inertia(self.outer, self.mass)
             return self.mass, moment, moment
-        if inertia.axial is None or inertia.transverse is None:
-            raise InputError('shell.inertia takes "thin", or thickness, or axial and transverse')
         return self.mass, inertia.axial, inertia.transverse
 
 
@@ -447,9 +405,7 @@ class _BodyTable(HingeTable, frozen=True):
     """A body on a hinge, without its inertia and the axis of the hinge."""
 
     mass: Annotated[float | None, key("mass", "kg")] = None
-    centre: Annotated[
-        _Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
-    ] = None
+    centre: Annotated[_Triple | None, key("the centre of mass; else the sphere's", "m")] = None
     part: Annotated[list[Part] | None, key("parts of the body, see Parts")] = None
     mjcf: Annotated[_MjcfTable | None, key("a body of an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("a link of a URDF file")] = None
@@ -497,12 +453,8 @@ class PendulumTable(_BodyTable, frozen=True, kw_only=True):
 class FrictionTable(Table, frozen=True):
     """Friction of the plane against the shell."""
 
-    sliding: Annotated[
-        float | None, key("largest friction over the normal force; unlimited if not given")
-    ] = None
-    torsional: Annotated[float | None, key("the same for the torque about the vertical", "m")] = (
-        None
-    )
+    sliding: Annotated[float | None, key("largest friction over the normal force; or none")] = None
+    torsional: Annotated[float | None, key("the same of the torque about the vertical", "m")] = None
     rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
 
 
@@ -535,19 +487,13 @@ class _SectionTable(Table, frozen=True):
 class StartTable(Table, frozen=True):
     """The initial attitude and momentum, in one of three forms."""
 
-    attitude: Annotated[
-        _Quadruple | None, key("quaternion (w, x, y, z) of the frame, frame to world")
-    ] = None
+    attitude: Annotated[_Quadruple | None, key("quaternion (w, x, y, z), frame to world")] = None
     gamma: Annotated[_Triple | None, key("the upward vertical, in frame axes; of length 1")] = None
     alpha: Annotated[_Triple | None, key("the world's X, in frame axes; of length 1")] = None
-    angular_velocity: Annotated[
-        _Triple | None, key("ω of the frame, in frame axes; 0 for a frame at rest", "rad/s")
-    ] = None
+    angular_velocity: Annotated[_Triple | None, key("ω of the frame, in its axes", "rad/s")] = None
     momentum: Annotated[_Triple | None, key("M in frame axes", "kg m²/s")] = None
     momentum_world: Annotated[_Triple | None, key("M in world axes", "kg m²/s")] = None
-    rest: Annotated[
-        bool, key("`true` is M = 0, the paper's rest; hinges that turn then turn the ball too")
-    ] = False
+    rest: Annotated[bool, key("`true` is M = 0; hinges that turn then turn the ball too")] = False
     section: Annotated[_SectionTable | None, key("the paper's section coordinates")] = None
     slip: Annotated[
         tuple[float, float],
@@ -563,18 +509,11 @@ class SceneTable(Table, frozen=True, kw_only=True):
 
     title: Annotated[str, key("one line, for tables and plots")]
     source: Annotated[str, key("source of the numbers, any lines of text")] = ""
-    rolling: Annotated[
-        Rolling,
-        key("`rubber`: the shell neither slips nor spins on the spot; `classical`: no slip"),
-    ]
+    rolling: Annotated[Rolling, key("`rubber`: no slip and no spin; `classical`: no slip")]
     duration: Annotated[float, key("duration of the motion", "s")]
     gravity: Annotated[float, key("acceleration of free fall", "m/s²")] = GRAVITY
     gravity_direction: Annotated[
-        _Triple,
-        key(
-            "direction of gravity, of any length; Z is up from the plane, and "
-            "`[tan(slope), 0, -1]` is a plane that goes down towards X"
-        ),
+        _Triple, key("of any length; `[tan(slope), 0, -1]` is a plane that goes down towards X")
     ] = DOWN
     friction: Annotated[FrictionTable, key("friction of the plane, see Friction")] = FrictionTable()
     plane: Annotated[PlaneTable, key("motion of the plane, see Plane")] = PlaneTable()
@@ -584,8 +523,69 @@ class SceneTable(Table, frozen=True, kw_only=True):
     pendulum: Annotated[
         tuple[PendulumTable, ...], key("`[[pendulum]]`, any number of them, see Pendulum")
     ] = ()
-    numbers: Annotated[
-        _NumbersTable | None,
-        key("in place of bodies: the paper's numbers, see Numbers"),
-    ] = None
+    numbers: Annotated[_NumbersTable | None, key("in place of bodies, see Numbers")] = None
     start: Annotated[StartTable, key("initial state, see Start")]
+
+
+class Number(NamedTuple):
+    """A number of a file.
+
+    unit: "" if it depends on other numbers; place: location in the file, in a format-specific form.
+    """
+
+    value: float
+    unit: str
+    place: Any
+
+
+class Numbers(ABC):
+    """The numbers of a file by path. They can be replaced to get another scene or another file.
+
+    suffix: suffix of the file's name.
+    """
+
+    suffix: str
+
+    @property
+    @abstractmethod
+    def known(self) -> Mapping[str, Number]:
+        """Each number, keyed by path."""
+
+    @abstractmethod
+    def scene(self, values: Mapping[str, float]) -> Scene:
+        """Return the scene with some numbers replaced. Raises InputError if it is invalid."""
+
+    @abstractmethod
+    def text(self, values: Mapping[str, float], start: Scene) -> str:
+        """Return the file's text with some numbers replaced and the initial state of `start`."""
+
+    def with_whole(self, names: Sequence[str]) -> "Numbers":
+        """Return the numbers with mass, centre and inertia of some bodies instead of their parts.
+
+        Raises InputError for file formats that do not support this.
+        """
+        if names:
+            raise InputError(
+                f"{names[0]}.inertia: only scene files can free the inertia of a body as a whole; "
+                "name single numbers of the body"
+            )
+        return self
+
+    def path_of(self, name: str) -> str:
+        """Return the path that a name, such as its last parts, stands for.
+
+        Raises InputError, listing candidates, if no path or several paths match.
+        """
+        parts = name.split(".")
+        matches = [path for path in self.known if _follows(parts, path.split("."))]
+        if name in matches or len(matches) == 1:
+            return name if name in matches else matches[0]
+        if matches:
+            raise InputError(f"{name!r} is ambiguous: {', '.join(matches)}; give more of the path")
+        raise unknown("number of the scene", name, self.known)
+
+
+def _follows(parts: list[str], path: list[str]) -> bool:
+    """Return whether `parts` is an ordered subset of `path` that ends with its last word."""
+    rest = iter(path)
+    return parts[-1] == path[-1] and all(word in rest for word in parts)

@@ -76,7 +76,7 @@ def _shell(shell: Shell) -> tables.ShellTable:
     return tables.ShellTable(
         radius=shell.radius,
         mass=shell.mass,
-        inertia="thin" if is_thin else tables.ShellInertia(axial=axial, transverse=transverse),
+        inertia="thin" if is_thin else tables.Axial(axial=axial, transverse=transverse),
         axis=_numbers(shell.axis),
         offset=shell.offset,
     )

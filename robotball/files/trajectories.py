@@ -112,9 +112,8 @@ def dataset_of(scene: Scene, engine: Mapping[str, str], arrays: Mapping[_ArrayPa
     try:
         import xarray
     except ImportError:
-        raise InputError(
-            "to_xarray needs xarray: install robotball's extra `xarray`, or pip install xarray"
-        ) from None
+        line = "to_xarray needs xarray: install robotball's extra `xarray`"
+        raise InputError(line) from None
     coordinates: dict[str, Any] = {
         "time": ("time", arrays[("times",)], {"units": "s"}),
         "plane": ["X", "Y"],
@@ -269,9 +268,8 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
     missing = [column for column in _NEEDED if column not in columns]
     if missing:
         there, needed = ", ".join(table.columns) or "none", ",".join(_NEEDED)
-        raise InputError(
-            f"missing columns {','.join(missing)}; the file has {there}, needed are {needed}"
-        )
+        line = f"missing columns {','.join(missing)}; the file has {there}, needed are {needed}"
+        raise InputError(line)
     for column, values in columns.items():
         _check_finite(column, values, columns["t"])
     times = columns["t"]
@@ -302,7 +300,7 @@ def recognized(
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
     others: dict[str, Array] = {}
-    titles: dict[str, str] = {}
+    titles: dict[str, str] = {}  # of `columns`
     for title, column in table.columns.items():
         name, unit = _parsed(title)
         if name is None and _without_unit(title)[0] in more:
@@ -314,7 +312,7 @@ def recognized(
             raise InputError(f"{titles[name]!r} and {title!r} both stand for the column {name}")
         columns[name], titles[name] = column, title
         units[name] = unit or table.units.get(title, "")
-    return columns, others, [*table.notes, *_made_si(columns, units, _UNITS | more)]
+    return columns, others, _made_si(columns, units, _UNITS | more)
 
 
 def _parsed(title: str) -> tuple[str | None, str | None]:
@@ -378,14 +376,9 @@ def check_increasing(times: Array) -> None:
     # Only the first fault: the others mostly follow from it.
     late = np.flatnonzero(np.diff(times) <= 0)
     if len(late):
-        i = int(late[0])
-        if times[i + 1] == times[i]:
-            raise InputError(
-                f"t = {times[i]:g} s appears in rows {i + 1} and {i + 2}; times must increase"
-            )
-        raise InputError(
-            f"times must increase: t = {times[i + 1]:g} s in row {i + 2} follows {times[i]:g} s"
-        )
+        row, before, after = int(late[0]) + 1, *times[late[0] :][:2]
+        there = f"t = {after:g} s in row {row + 1} follows {before:g} s in row {row}"
+        raise InputError(f"times must increase: {there}")
     if times[0] < 0:
         raise InputError(f"times must start at 0 s or later, not at {times[0]:g} s")
 
@@ -396,10 +389,8 @@ def to_unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
     off = np.abs(length - 1)
     worst = int(off.argmax())
     if off[worst] > _NOT_UNIT:
-        raise InputError(
-            f"the quaternion in row {worst + 1} (t = {times[worst]:g} s) has length "
-            f"{length[worst]:.6g}, not 1"
-        )
+        where = f"row {worst + 1} (t = {times[worst]:g} s)"
+        raise InputError(f"the quaternion in {where} has length {length[worst]:.6g}, not 1")
     note = f"normalized the quaternions: their length was off by up to {off[worst]:.1g}"
     # Quaternions of unit length within rounding are kept to the last bit.
     exact = np.where(off[:, None] <= 1e-15, attitude, attitude / length[:, None])

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from robotball.errors import LARGEST, InputError, check_positive, named, unknown
-from robotball.files.numbers import Numbers
+from robotball.files.scene_tables import Numbers
 from robotball.fit import evidence
 from robotball.fit.evidence import NO_EVIDENCE, Estimate, SensorFit, chi2_of
 from robotball.fit.logs import Log, logs_of

@@ -15,7 +15,7 @@ import numpy as np
 
 from robotball.engines.equations import integrate
 from robotball.errors import InputError, SceneWarning, named
-from robotball.files.numbers import Numbers
+from robotball.files.scene_tables import Numbers
 from robotball.fit.logs import Log
 from robotball.fit.sensing import Rows, apart, circumstance, is_of_readings, times_of
 from robotball.motion import Motion

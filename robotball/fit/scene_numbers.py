@@ -17,8 +17,7 @@ import msgspec
 from robotball.engines.equations import scene_of
 from robotball.errors import unknown
 from robotball.files import MODEL_FILES, contents, readable
-from robotball.files.numbers import Number, Numbers
-from robotball.files.scene_tables import SceneTable
+from robotball.files.scene_tables import Number, Numbers, SceneTable
 from robotball.files.scene_writer import text_of, toml_of
 from robotball.robot.scene import Scene
 from robotball.scene_files.scene_file import CATALOG, catalog, read_keys
@@ -116,7 +115,7 @@ def numbers_of(scene: Numbers | Scene | str | Path) -> Numbers:
     path = CATALOG / f"{scene}.toml" if str(scene) in catalog() else Path(scene)
     loaded = scene_of(scene)  # reports errors in the file
     if path.suffix in MODEL_FILES or "robot" in msgspec.toml.decode(contents(path)):
-        from robotball.user_model.robot_numbers import robot_numbers  # loads an engine
+        from robotball.user_model.mended_file import robot_numbers  # loads an engine
 
         return robot_numbers(path)
     return _SceneNumbers(loaded.name, path.parent, _tables_of(path, contents(path)))

@@ -50,9 +50,8 @@ def cached_array(compute: Callable[[Any], Array]) -> "cached_property[Array]":
 class Value:
     """Base of dataclasses with arrays, which are read-only.
 
-    Two records of one type are equal if their fields are, except fields with compare=False. Arrays
-    are compared number by number, and NaN equals NaN. Records cannot be
-    hashed, because arrays cannot.
+    Records of one type are equal if their compared fields are; NaN equals NaN in arrays. Records
+    cannot be hashed, because arrays cannot.
     """
 
     def __post_init__(self) -> None:
@@ -118,10 +117,8 @@ def shell_inertia(radius: float, mass: float, thickness: float = 0.0) -> float:
     InputError for a negative thickness or one above the radius.
     """
     if not 0 <= thickness <= radius:
-        raise InputError(
-            f"a shell's thickness must be positive and at most its radius {radius:g}, not "
-            f"{thickness:g} m"
-        )
+        line = f"a shell's thickness must be from 0 to its radius {radius:g}, not {thickness:g} m"
+        raise InputError(line)
     if thickness == 0:
         return 2 / 3 * mass * radius * radius
     b = 1 - thickness / radius
@@ -162,10 +159,8 @@ class Solid:
     def check_within(self, name: str, radius: float) -> None:
         """Raise InputError if the solid reaches beyond a shell."""
         if self.reach > radius * (1 + SYMMETRIC):
-            raise InputError(
-                f"{name} reaches {self.reach:.6g} m from the sphere's centre, beyond the shell's "
-                f"radius {radius:g} m; make it smaller, move it, or make the shell larger"
-            )
+            beyond = f"{self.reach:.6g} m from the sphere's centre, beyond its radius {radius:g} m"
+            raise InputError(f"{name} reaches {beyond}; make it smaller, or move it")
 
     def moments_about(self, name: str, axis: Array, otherwise: str) -> tuple[float, float]:
         """Return the axial and transverse moments [kg m²] about an axis (3,).
@@ -177,10 +172,8 @@ class Solid:
         largest = float(np.abs(self.inertia).max())
         off = float(np.abs(self.inertia - axial_tensor(axial, transverse, axis)).max())
         if off > SYMMETRIC * largest:
-            raise InputError(
-                f"{name} is not symmetric about its axis: its inertia is off by {off:.6g} of "
-                f"{largest:.6g} kg m²; such a body is a {otherwise}"
-            )
+            fault = f"its inertia is off by {off:.6g} of {largest:.6g} kg m²"
+            raise InputError(f"{name} is not symmetric about its axis: {fault}; use a {otherwise}")
         # The moments of a disc are 2 to 1, except for rounding, and a Rotor takes no larger ratio.
         if axial < 2 * transverse * (1 + SYMMETRIC):
             axial = min(axial, 2 * transverse)
@@ -504,7 +497,7 @@ class Ball(Value):
             _check_body(name, body)
         # The sum can fail although each body passes: in rotated axes rounding can exceed the least
         # moment of a needle.
-        check_inertia("the ball", self.inertia)
+        _check_inertia("the ball", self.inertia)
 
     def _check_tree(self) -> None:
         """Raise InputError unless every body is mounted on one that comes before it."""
@@ -514,15 +507,13 @@ class Ball(Value):
         for i, (name, body) in enumerate(self.named_bodies):
             if isinstance(body, Rotor | Pendulum) and not self.has_frame:
                 raise InputError(
-                    "rotors and pendulums turn on a frame; a ball without one takes links"
+                    "rotors and pendulums need a frame; a ball without one takes links"
                 )
             if isinstance(body, Frame) and i > 1:
                 raise InputError(f"the frame carries the others: put it before {names[1]}")
             if isinstance(body, Link) and body.parent not in names[:i]:
-                raise InputError(
-                    f"{name} is joined to {body.parent!r}, but the bodies before it are "
-                    f"{', '.join(names[:i])}; put its parent before it"
-                )
+                before = f"the bodies before it are {', '.join(names[:i])}; put its parent there"
+                raise InputError(f"{name} is joined to {body.parent!r}, but {before}")
 
     def with_hinges(self, **given: "Mapping[str, Any] | Sequence[Any] | Array") -> "Ball":
         """Return the ball with other bodies, commands, motors, angles or rates of its hinges.
@@ -688,10 +679,8 @@ def beyond_the_shell(ball: Ball) -> list[str]:
         spread = float(np.trace(body.inertia)) / 2 / (body.mass or 1.0)
         reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
-            messages.append(
-                f"{name} has mass outside the shell: at {reach:.4g} m, beyond {ball.radius:g} m; "
-                "check its inertia and centre"
-            )
+            where = f"at {reach:.4g} m, beyond {ball.radius:g} m; check its inertia and centre"
+            messages.append(f"{name} has mass outside the shell: {where}")
     return messages
 
 
@@ -727,35 +716,28 @@ def _check_body(name: str, body: Body) -> None:
         # The triangle inequality for two equal moments, in the numbers that the user gave.
         axial, transverse = body.axial_inertia, body.transverse_inertia
         if not axial <= 2 * transverse * (1 + ROUNDING):
-            raise InputError(
-                f"{name} is flatter than a disk: its axial inertia {axial:.6g} exceeds twice the "
-                f"transverse {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"
-            )
+            excess = f"{axial:.6g} > 2 * {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"
+            raise InputError(f"{name} is flatter than a disk: axial > 2 * transverse: {excess}")
     if not massless:
-        check_inertia(name, body.inertia)
+        _check_inertia(name, body.inertia)
 
 
-def check_inertia(name: str, inertia: Array) -> None:
+def _check_inertia(name: str, inertia: Array) -> None:
     """Raise InputError unless a rigid body can have this tensor (3, 3)."""
     _check_entries(name, inertia)
     if np.abs(inertia - inertia.T).max() > ROUNDING * np.abs(inertia).max():
         raise InputError(f"{name}'s inertia is not symmetric: {inertia.tolist()}")
     small, middle, large = np.linalg.eigvalsh(inertia)
     if small <= 0:
-        raise InputError(
-            f"{name}'s inertia is not positive: its smallest principal moment is {small:.6g} kg m²"
-        )
+        fault = f"its smallest principal moment is {small:.6g} kg m²"
+        raise InputError(f"{name}'s inertia is not positive: {fault}")
     if small < 1 / _LARGEST_MOMENT:
-        raise InputError(
-            f"{name}'s smallest principal moment must be at least {1 / _LARGEST_MOMENT:g}, not "
-            f"{small:.6g} kg m²"
-        )
+        limit = f"at least {1 / _LARGEST_MOMENT:g}, not {small:.6g} kg m²"
+        raise InputError(f"{name}'s smallest principal moment must be {limit}")
     # Each moment is Σ m (x² + y²), so it cannot exceed the sum of the other two.
     if large - small - middle > ROUNDING * large:
-        raise InputError(
-            f"{name}'s inertia breaks the triangle inequality: {large:.6g} > {small:.6g} + "
-            f"{middle:.6g} by {large - small - middle:.6g} kg m²; no body of positive mass has it"
-        )
+        excess = f"{large:.6g} > {small:.6g} + {middle:.6g} by {large - small - middle:.6g} kg m²"
+        raise InputError(f"{name}'s inertia breaks the triangle inequality: {excess}")
 
 
 def _check_entries(name: str, inertia: Array) -> None:

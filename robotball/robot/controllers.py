@@ -1,6 +1,6 @@
 """Controllers: commands computed from sensor readings, and held until the next call.
 
-`robotball.robot.loop` runs them.
+`robotball.robot.loop` calls them.
 """
 
 import math
@@ -160,11 +160,9 @@ class Controller:
         Raises InputError if there are too many calls.
         """
         if not end / self.period <= _MOST_CALLS:
-            raise InputError(
-                f"a controller with a period of {self.period:g} s is called "
-                f"{end / self.period:.2g} times in {end:g} s, of at most {_MOST_CALLS:g}; choose a "
-                "longer period or a shorter run"
-            )
+            many = f"{end / self.period:.2g} calls in {end:g} s, of at most {_MOST_CALLS:g}"
+            line = f"a controller's period of {self.period:g} s needs {many}"
+            raise InputError(f"{line}; choose a longer period or a shorter run")
         # Multiples of the period, because sums would accumulate rounding errors.
         calls = self.period * np.arange(math.ceil(end / self.period))
         times = np.sort([*(calls - self.sensors.latency), *calls, *(calls + self.delay)])

@@ -6,12 +6,12 @@ its breakpoints and continuous at them, and every integration stops there. Times
 increasing columns, in s from the start of the motion; SI units.
 
 A hinge without a motor keeps the drive as its rate [rad/s] exactly; for a motor it is a command,
-see `motors`. `function_drives` approximates users' functions, and is loaded only for scenes that
-have one. `drive_sampling` has the error of a time step in sampling a drive.
+see `motors`. `function_drives` approximates users' functions. `sampling_error` is the error of a
+time step in sampling drives.
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -21,18 +21,20 @@ import msgspec
 import numpy as np
 
 from robotball.errors import END_ROUNDING, InputError, check_positive, check_size
+from robotball.rotations import uneven
 
 _Time = Any  # a float, or a column (n,)
 COMMAND = "of the command"  # unit of a key that has the unit of its command
+_LOOKS = 256  # steps tested over a run, and as many on each side of breakpoints
+_NO_STEP = 1e-9  # s: a drive that needs shorter steps is not a function of time
 
 
 @runtime_checkable
 class Drive(Protocol):
     """Give the rate of a hinge over time.
 
-    Any object with these members can be a rate of a scene. A hinge with a motor takes the drive as
-    the command of the motor. Times are scalars or increasing columns (n,), in s from the start of
-    the motion.
+    Any object with these members can be a rate of a scene, or the command of a motor. The
+    acceleration and the angle of a user's object are computed from its rate.
 
     Attributes
     ----------
@@ -161,10 +163,8 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
         check_size("a ramp's start", self.start, "s")
         check_size("a ramp's end", self.end, "s")
         if not 0 <= self.start < self.end:
-            raise InputError(
-                f"a ramp must start at 0 or later and end after that, not from "
-                f"{self.start:g} to {self.end:g} s"
-            )
+            times = f"{self.start:g} to {self.end:g} s"
+            raise InputError(f"a ramp must start at 0 or later and end after that, not {times}")
         check_positive("the time that a ramp takes", self.end - self.start, "s")
         check_size("a ramp's initial value", self.initial)
         check_size("a ramp's final value", self.final)
@@ -284,19 +284,15 @@ class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
 
     def __post_init__(self) -> None:
         if len(self.times) != len(self.values) or len(self.times) < 2:
-            raise InputError(
-                f"samples need as many values as times, two or more: not {len(self.times)} times "
-                f"and {len(self.values)} values"
-            )
+            counts = f"{len(self.times)} times and {len(self.values)} values"
+            raise InputError(f"samples need as many values as times, two or more: not {counts}")
         for name, numbers in (("time", self.times), ("value", self.values)):
             for i, number in enumerate(numbers, start=1):
                 check_size(f"{name} {i} of the samples", number)
         for i, (before, after) in enumerate(itertools.pairwise(self.times), start=2):
             if not after > before:
-                raise InputError(
-                    f"the times of samples must increase: time {i} is {after:g} s, after "
-                    f"{before:g} s"
-                )
+                line = f"time {i} is {after:g} s, after {before:g} s"
+                raise InputError(f"the times of samples must increase: {line}")
         # Converted from arrays, which cannot be compared.
         for name in ("times", "values"):
             msgspec.structs.force_setattr(self, name, tuple(map(float, getattr(self, name))))
@@ -367,9 +363,9 @@ class Sum:
 class Custom:
     """Take a rate from a function of time.
 
-    The function must be continuous, and smooth between the breakpoints. It is not called outside
-    the times of a run. A pulse that is shorter than `finest` and has no breakpoints may fall
-    between two samples. All engines then miss the pulse, and agree.
+    The function must be continuous, and smooth between the breakpoints. Polynomials that
+    approximate it to rounding give its derivative and its integral. A pulse that is shorter than
+    `finest` and has no breakpoints may fall between two samples; all engines then miss it.
 
     Attributes
     ----------
@@ -377,12 +373,6 @@ class Custom:
         Returns the rate [rad/s] at a time [s].
     breakpoints : tuple of float, s
         The times at which the rate is not smooth.
-    derivative : callable or None
-        Returns the derivative of the rate [rad/s²]. If None, it comes from polynomials that
-        approximate the function.
-    integral : callable or None
-        Returns the integral of the rate from time 0 [rad]. If None, it comes from these polynomials
-        too.
     finest : float or None, s
         Largest interval between samples of the function, which are at uneven times. If None, 1 ms,
         or 1/100 000 of a run longer than 100 s.
@@ -405,8 +395,6 @@ class Custom:
 
     function: Callable[[float], float]
     breakpoints: tuple[float, ...] = ()
-    derivative: Callable[[float], float] | None = None
-    integral: Callable[[float], float] | None = None
     finest: float | None = None
 
     def __post_init__(self) -> None:
@@ -441,13 +429,17 @@ def as_drive(rate: Rate, end: float) -> Drive:
     elif isinstance(rate, Custom | Drive) or callable(rate):
         from robotball.robot.function_drives import FunctionDrive, HeldCommand
 
-        custom = vars(_as_custom(rate)).values()
-        drive = rate if isinstance(rate, HeldCommand) else FunctionDrive(end, *custom)
+        if isinstance(rate, HeldCommand):
+            drive = rate
+        elif isinstance(rate, Custom):
+            drive = FunctionDrive(end, *vars(rate).values())
+        elif isinstance(rate, Drive):
+            drive = FunctionDrive(end, rate.rate, tuple(rate.breakpoints))
+        else:
+            drive = FunctionDrive(end, rate)
     else:
-        raise InputError(
-            f"a rate is a number, a function of time, or a drive with breakpoints, rate, "
-            f"acceleration and angle, not {rate!r}"
-        )
+        line = "a rate is a number, a function of time, or a drive (see robotball.Drive)"
+        raise InputError(f"{line}, not {rate!r}")
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
     return drive
 
@@ -455,18 +447,8 @@ def as_drive(rate: Rate, end: float) -> Drive:
 def _check_covers(samples: Samples, end: float) -> None:
     first, last = samples.times[0], samples.times[-1]
     if not (first <= 0 and last >= end * (1 - END_ROUNDING)):
-        raise InputError(
-            f"samples from t = {first:g} to {last:g} s do not cover the run, from 0 to {end:g} s; "
-            "add samples, or shorten the run"
-        )
-
-
-def _as_custom(rate: Custom | Drive | Callable[[float], float]) -> Custom:
-    """Return the Custom of a user's function or of a user's object."""
-    if isinstance(rate, Drive):
-        # The derivative of a user's object may be wrong, so it is checked like that of a Custom.
-        return Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
-    return rate if isinstance(rate, Custom) else Custom(rate)
+        run = f"the run, from 0 to {end:g} s; add samples, or shorten it"
+        raise InputError(f"samples from t = {first:g} to {last:g} s do not cover {run}")
 
 
 @dataclass(frozen=True)
@@ -492,3 +474,46 @@ class Total:
 def turns(drive: Drive) -> bool:
     """Return whether a hinge with this drive turns. A rate of 0 fixes it, and needs no motor."""
     return drive != Constant(0.0)
+
+
+def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> float:
+    """Return the largest error of a drive's mean over a step, sampled at three instants.
+
+    It is the error of Simpson's rule, which RK4 makes, over the drive's largest value. Steps begin
+    at uneven times, because a drive whose period divides the timestep has zero error at some
+    phases. They end on the stops (n,) [s]: 0, breakpoints and the end.
+    """
+    sides = stops[:: -(-len(stops) // _LOOKS)]
+    spread = uneven(stops[-1], stops[-1] / _LOOKS)
+    looks = np.sort(np.concatenate([spread, sides, np.nextafter(sides, 0.0)]))
+    piece = np.searchsorted(stops[1:-1], looks, side="right")
+    length = np.diff(stops)[piece]
+    step = length / np.ceil(length / timestep)
+    begin = np.clip(looks - step / 2, stops[piece], stops[piece] + length - step)
+    worst = 0.0
+    for drive in (drive for drive in drives if not isinstance(drive, Constant)):
+        instants = [begin + part * step for part in (0.0, 0.5, 1.0)]
+        values = np.array([drive.rate(t) for t in instants])
+        angles = np.array([drive.angle(begin), drive.angle(begin + step)])
+        error = np.abs(np.diff(angles, axis=0)[0] - step * (values.T @ [1, 4, 1]) / 6)
+        error -= 8 * np.finfo(float).eps * np.abs(angles).sum(axis=0)  # rounding errors
+        worst = max(worst, float((error / step).max() / (_size(drive, instants) or 1.0)))
+    return worst
+
+
+def _size(drive: Drive, instants: list[Any]) -> float:
+    """Return the largest value of a drive, or the sum of the largest values of its parts.
+
+    If the parts cancel, the value of the sum is a meaningless rounding error.
+    """
+    if isinstance(drive, Total):
+        return sum(_size(part, instants) for part in drive.drives)
+    return max(float(np.abs(drive.rate(t)).max()) for t in instants)
+
+
+def seeing_step(error_of: Callable[[float], float], timestep: float, limit: float) -> float:
+    """Return a timestep [s], at most `timestep`, with a sampling error within a limit."""
+    while (error := error_of(timestep)) > limit and timestep > _NO_STEP:
+        # Simpson's rule is of fourth order once a step resolves the drive.
+        timestep *= min(0.9, max(0.1, (limit / error) ** 0.25))
+    return timestep

@@ -23,7 +23,6 @@ _Function = Callable[[float], float]
 
 _LONGEST_FUNCTION = 1e5  # s: 30 s of work for a cheap function
 _ACCURATE = 1e-12  # of the largest rate: a polynomial with this error costs no accuracy
-_GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 _FINEST = 1e-3  # s, default interval between samples of a function
 _LOOKS, _MOST_LOOKS = 100_000, 10_000_000  # samples over a run: without a `finest`, and with one
 # s: a step may skip the features of a panel shorter than _SHORT, so it gets _PARTS - 1 breakpoints
@@ -46,16 +45,13 @@ _BETWEEN = 100.0  # ratio of rounding errors between the nodes and in the last c
 class FunctionDrive:
     """The drive of a user's function over a run from 0 to `end` [s].
 
-    The other fields are the fields of a Custom; `named` are its breakpoints. Polynomials replace a
-    derivative or integral that is None.
+    The other fields are the fields of a Custom; `named` are its breakpoints.
     """
 
     end: float
     function: _Function
-    named: tuple[float, ...]
-    derivative: _Function | None
-    integral: _Function | None
-    finest: float | None
+    named: tuple[float, ...] = ()
+    finest: float | None = None
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
@@ -69,64 +65,40 @@ class FunctionDrive:
         return _each(self._rate, t)
 
     def acceleration(self, t: Any) -> Any:
-        return _each(self._acceleration, t)
+        return _each(lambda t: self.polynomials.slope(self._inside(t)), t)
 
     def angle(self, t: Any) -> Any:
-        return _each(self._angle, t)
+        return _each(lambda t: self.polynomials.area(self._inside(t)), t)
 
     @cached_property
     def polynomials(self) -> "_Polynomials":
         """Polynomials that approximate the function over the whole run.
 
-        Raises InputError if the function jumps, or if a given derivative or integral is wrong.
-        Warns if the function is not smooth and has no derivative.
+        Raises InputError if the function jumps. Warns if it is not smooth.
         """
         finest = self.finest or max(_FINEST, self.end / _LOOKS)
         longest = min(_LONGEST_FUNCTION, _MOST_LOOKS * finest)
         if not self.end <= longest:
-            raise InputError(
-                f"a drive's function can be sampled to t = {longest:g} s at most, not to "
-                f"{self.end:g} s, every {finest:g} s; a number, a Ramp or a Sine has no such limit"
-            )
+            limit = f"t = {longest:g} s at most, not to {self.end:g} s, every {finest:g} s"
+            remedy = "a number, a Ramp or a Sine has no such limit"
+            raise InputError(f"a drive's function can be sampled to {limit}; {remedy}")
         inside = sorted({float(b) for b in self.named if 0 < b < self.end})
         looks = uneven(self.end, finest)
         polynomials = polynomials_of(self._rate, [0.0, *inside, self.end], looks)
-        accurate = polynomials.off <= _ACCURATE * (1 + polynomials.size)
-        # Functions given by the user are compared in the middle of accurate panels: near a kink
-        # without a breakpoint, the polynomial is wrong.
-        edges = polynomials.edges
-        middles = (edges[:-1] + edges[1:])[accurate] / 2
-        if self.derivative is not None:
-            _check_given("derivative", self._acceleration, polynomials.slope, middles, "rad/s²")
-        elif not accurate.all():
-            warn(
-                f"a drive's function is not smooth at t = {edges[polynomials.off.argmax()]:.6g} s: "
-                f"there it is known to {polynomials.off.max():.1g} rad/s only; give Custom its "
-                "breakpoints or its derivative"
-            )
-        if self.integral is not None:
-            _check_given("integral", self._angle, polynomials.area, middles, "rad")
+        off, worst = float(polynomials.off.max()), polynomials.edges[polynomials.off.argmax()]
+        if not off <= _ACCURATE * (1 + polynomials.size):
+            fault = f"at t = {worst:.6g} s, where it is known to {off:.1g} rad/s"
+            warn(f"a drive's function is not smooth {fault}; give its breakpoints to Custom")
         return polynomials
 
     def _rate(self, t: float) -> float:
         t = self._inside(t)
-        value = _called("function", self.function, t)
+        value = call_users("a drive's function fails", self.function, t, at=t)
+        value = call_users("a drive's function gives no number", float, value, at=t)
         if not abs(value) <= LARGEST:
-            raise InputError(
-                f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
-                f"{LARGEST:g} rad/s"
-            )
+            limit = f"it must be finite and at most {LARGEST:g} rad/s"
+            raise InputError(f"a drive's function gives {value} at t = {t:g} s; {limit}")
         return value
-
-    def _acceleration(self, t: float) -> float:
-        t, given = self._inside(t), self.derivative
-        return self.polynomials.slope(t) if given is None else _called("derivative", given, t)
-
-    def _angle(self, t: float) -> float:
-        t, given = self._inside(t), self.integral
-        if given is None:
-            return self.polynomials.area(t)
-        return _called("integral", given, t) - _called("integral", given, 0.0)
 
     def _inside(self, t: float) -> float:
         """Return the time without rounding errors beyond the end."""
@@ -135,27 +107,11 @@ class FunctionDrive:
         return min(t, self.end)
 
 
-def _called(name: str, function: _Function, t: float) -> float:
-    value = call_users(f"a drive's {name} fails", function, t, at=t)
-    return call_users(f"a drive's {name} gives no number", float, value, at=t)
-
-
 def _each(function: _Function, t: Any) -> Any:
     # A user's function need not accept arrays.
     if np.ndim(t) == 0:
         return function(float(t))
     return np.array([function(float(s)) for s in t])
-
-
-def _check_given(name: str, given: _Function, computed: _Function, at: Any, unit: str) -> None:
-    """Raise InputError if a given derivative or integral differs from the computed one."""
-    for t in at.tolist():
-        theirs, ours = given(t), computed(t)
-        if not abs(theirs - ours) <= _GIVEN * (1 + abs(ours)):
-            raise InputError(
-                f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, but the "
-                f"{name} of its function is {ours:.6g} {unit}"
-            )
 
 
 @dataclass(frozen=True)
@@ -249,7 +205,9 @@ def _halved(
         coefficients = _COEFFICIENTS @ values
         part = slice(*np.searchsorted(looks, (a, b)))
         between = chebyshev.chebval((looks[part] - middle) / half, coefficients) - samples[part]
-        tail, missed = float(_tail(coefficients)), float(np.abs(between).max(initial=0.0))
+        # Three, because every second coefficient of an odd or even function is zero.
+        tail = float(np.abs(coefficients[-3:]).max())
+        missed = float(np.abs(between).max(initial=0.0))
         accurate = max(tail, missed / _BETWEEN) <= _rounding_of(coefficients, a, b, size)
         if accurate or b - a <= _NARROWEST or halves == _MOST_HALVES:
             if not accurate and b - a <= _NARROWEST:
@@ -258,12 +216,6 @@ def _halved(
         else:
             halves += 1
             left += [(middle, b), (a, middle)]
-
-
-def _tail(coefficients: Array) -> Array:
-    """Return the largest of the last coefficients (..., degree + 1)."""
-    # Three, because every second coefficient of an odd or even function is zero.
-    return np.abs(coefficients[..., -3:]).max(axis=-1)
 
 
 def _rounding_of(coefficients: Array, begin: float, end: float, size: float) -> float:

@@ -33,8 +33,8 @@ MARKS, BLUR = "spoke", "blur"
 _HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
 
 # Lengths in radii of the ball.
-INSIDE = 0.75  # outer radius of bodies that turn in the frame's hoop
-RIM = 0.61  # outer radius of the part "rotor"
+_INSIDE = 0.75  # outer radius of bodies that turn in the frame's hoop
+_RIM = 0.61  # outer radius of the part "rotor"
 _RING = 0.7  # size ratio of nested rings
 _LEAST = 0.06  # smallest visible rotor or box
 _CORE = 0.28  # space for rotors at the centre if there are pendulums
@@ -187,12 +187,12 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
         away = [float(np.linalg.norm(centre - other)) for other in centres]
         before = sum(distance < _TOGETHER for distance in away[:i])
         after = sum(distance < _TOGETHER for distance in away[i + 1 :])
-        room = [RIM, INSIDE - float(np.linalg.norm(centre))]
+        room = [_RIM, _INSIDE - float(np.linalg.norm(centre))]
         # Half of the distance for each of two neighbours, so that they do not touch.
         room += [distance / 2 for distance in away if distance >= _TOGETHER]
         if ball.pendulums:
             room.append(_CORE)
-        yield max(_LEAST, min(room)) / RIM * _RING**before, after == 0
+        yield max(_LEAST, min(room)) / _RIM * _RING**before, after == 0
 
 
 def _frame(ball: Ball) -> tuple[Shape, ...]:
@@ -205,7 +205,7 @@ def _frame(ball: Ball) -> tuple[Shape, ...]:
     hoop = _placed(part, axis, spin=float(np.arctan2(across[1], across[0])))
     # Rotors at the centre leave more space than other bodies.
     elsewhere = ball.pendulums or any(rotor.centre.any() for rotor in ball.rotors)
-    size = (_OUTSIDE - (INSIDE if elsewhere else RIM)) / 2
+    size = (_OUTSIDE - (_INSIDE if elsewhere else _RIM)) / 2
     at = (_OUTSIDE - size) * centre / off
     return (*hoop, Shape("sphere", np.array([size, 0.0, 0.0]), at, _NO_TURN, "rotor"))
 
@@ -215,7 +215,7 @@ def _placed(
     axis: Array,
     size: float = 1.0,
     centre: Array = _ORIGIN,
-    spin: float = 0.0,
+    spin: float = 0,
 ) -> tuple[Shape, ...]:
     """Rotate a part's shapes from z to an axis (3,), scale them, and move them to a centre (3,).
 

@@ -119,10 +119,8 @@ class Loop:
         answer: Any = call_users(failure, self.function, reading, at=reading.time)
         if not isinstance(answer, Mapping):
             example = {next(iter(self.held)): 1.0}
-            raise self._refused(
-                f"must return commands by name, for example {example}, not {answer!r} "
-                f"(t = {reading.time:g} s)"
-            )
+            line = f"must return commands by name, for example {example}, not {answer!r}"
+            raise self._refused(f"{line} (t = {reading.time:g} s)")
         commands = {}
         for name, value in answer.items():
             if name not in self.held:
@@ -134,10 +132,8 @@ class Loop:
             except (TypeError, ValueError):
                 command = math.nan
             if not abs(command) <= LARGEST:
-                raise self._refused(
-                    f"commands {value!r} for {name} at t = {reading.time:g} s; a command must be "
-                    f"finite and at most {LARGEST:g} in size"
-                )
+                line = f"commands {value!r} for {name} at t = {reading.time:g} s"
+                raise self._refused(f"{line}; it must be finite, at most {LARGEST:g} in size")
             low, high = self.command_limits.get(name, NO_LIMITS)
             commands[name] = min(max(command, low), high)
         return commands

@@ -3,26 +3,32 @@
 A hinge without a motor keeps its drive (`drives`) as its rate [rad/s] exactly. For a motor the
 drive is a command: a rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a fraction of
 the nominal voltage for a DCMotor, a torque [N m] for a Torque. The torque on a hinge acts from the
-parent on the child. SI units; slides have m and N.
+parent on the child. SI units; slides have m and N. An actuator may have an activation between
+command and law, which is a function of time and is computed before the run.
 """
 
 import math
+from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from itertools import pairwise
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from robotball.errors import InputError, check_not_negative, check_positive, check_size
-from robotball.robot.drives import Rate
-
-if TYPE_CHECKING:
-    from robotball.robot.activations import Activation
+from robotball.robot.drives import Constant, Custom, Drive, Rate, as_drive
 
 _Scalar = Any  # a float, or a column (n,)
 
 # rad/s: dry friction changes sign over about this rate, because smooth equations cannot jump.
 SLOW = 1e-3
 NO_LIMITS = (-math.inf, math.inf)  # least and largest command of an actuator without limits
+_LAGS = 5.0  # settling times per piece of the integral
+_MOST_SETTLINGS = 1e5  # settling times in a run with a changing command: 30 s of work
+_LOOKS = 1001  # samples in time of a check against a range
+_ROOT = 1e-14  # s, tolerance of the time at which a limit is reached
+_ROUNDING = 1e-9  # tolerance of a range, relative to its larger end
 
 
 class Law(NamedTuple):
@@ -239,10 +245,8 @@ class DCMotor(Motor):
         if self.no_load_current and (self.torque_limit or not self.stall_current):
             raise InputError("a motor's no-load current takes a stall current and no torque limit")
         if self.stall_current is not None and not self.no_load_current < self.stall_current:
-            raise InputError(
-                f"a motor's no-load current must be below its stall current of "
-                f"{self.stall_current:g} A, not {self.no_load_current:g} A"
-            )
+            limit = f"{self.stall_current:g} A, not {self.no_load_current:g} A"
+            raise InputError(f"a motor's no-load current must be below its stall current, {limit}")
 
     @property
     def armature(self) -> float:
@@ -339,6 +343,67 @@ class Free(Motor):
 
 
 @dataclass(frozen=True)
+class Activation:
+    """Activation state w, which the law of an actuator takes in place of the command u.
+
+    ẇ = (u - w)/settling, or ẇ = u if settling [s] is None; w starts at `initial` and is clipped to
+    low and high.
+    """
+
+    initial: float
+    settling: float | None = None
+    low: float = -math.inf
+    high: float = math.inf
+
+    def of(self, u: Drive, end: float) -> Rate:
+        """Return w over time, from 0 to `end` [s]; w is clipped if u is constant."""
+        if isinstance(u, Constant) and u.value == (self.initial if self.settling else 0.0):
+            return self.initial
+        value = self._unlimited(u, end)
+        last = value(end)
+        limit = float(np.clip(last, self.low, self.high))
+        if limit == last or not isinstance(u, Constant):
+            return Custom(value, u.breakpoints)
+        # w is monotone, and stays at its limit.
+        from scipy.optimize import brentq  # few commands reach a limit
+
+        reached = brentq(lambda t: value(t) - limit, 0.0, end, xtol=_ROOT)
+        return Custom(lambda t: limit if t >= reached else value(t), (reached,))
+
+    def _unlimited(self, u: Drive, end: float) -> Callable[[float], float]:
+        settling, w = self.settling, self.initial
+        if settling is None:
+            return lambda t: w + float(u.angle(t))
+        if isinstance(u, Constant):
+            to = u.value
+            return lambda t: to + (w - to) * math.exp(-t / settling)
+        if end > _MOST_SETTLINGS * settling:
+            limit = f"a run of {end:g} s, of at most {_MOST_SETTLINGS * settling:g} s"
+            line = f"a filter of {settling:g} s is too short for {limit}"
+            raise InputError(f"{line}; leave it out, or give a constant control")
+        # w = exp(-(t - T)/τ)(w_T + ∫ u exp((s - T)/τ)/τ ds), with T near t against overflow.
+        from robotball.robot.function_drives import polynomials_of  # few actuators need it
+
+        begins = np.arange(0.0, end, _LAGS * settling).tolist()
+        pieces = []
+        for begin, stop in pairwise([*begins, end]):
+            inside = [t for t in u.breakpoints if begin < t < stop]
+
+            def grown(s: float, begin: float = begin) -> float:
+                return float(u.rate(s)) * math.exp((s - begin) / settling) / settling
+
+            area = polynomials_of(grown, [begin, *inside, stop]).area
+            pieces.append((begin, w, area))
+            w = (w + area(stop)) * math.exp((begin - stop) / settling)
+
+        def value(t: float) -> float:
+            begin, before, area = pieces[max(bisect_right(begins, t) - 1, 0)]
+            return (before + area(t)) * math.exp((begin - t) / settling)
+
+        return value
+
+
+@dataclass(frozen=True)
 class Actuator:
     """Move hinges through gears, in addition to the motors of the hinges.
 
@@ -375,7 +440,7 @@ class Actuator:
     gears: tuple[tuple[str, float], ...]
     law: Law
     command: Rate = 0.0
-    activation: "Activation | None" = None
+    activation: Activation | None = None
     within: tuple[float, float] = NO_LIMITS
 
     def __post_init__(self) -> None:
@@ -389,6 +454,37 @@ class Actuator:
         """
         if self.activation is None and self.within == NO_LIMITS:
             return self.command
-        from robotball.robot.activations import filtered  # few actuators have either
+        return _filtered(self.name, self.command, self.within, self.activation, end)
 
-        return filtered(self.name, self.command, self.within, self.activation, end)
+
+def _filtered(
+    name: str, command: Rate, within: tuple[float, float], activation: Activation | None, end: float
+) -> Rate:
+    """Return an actuator's command after its range and activation, in a run to `end` [s].
+
+    A constant command is clipped to its range. Raises InputError if another command leaves its
+    range, or drives the activation out of its range.
+    """
+    drive = as_drive(command, end)
+    if isinstance(drive, Constant):
+        drive = Constant(float(np.clip(drive.value, *within)))
+    else:
+        _check_within(f"{name}: its control", drive.rate, *within, end)
+    if activation is None:
+        return drive.value if isinstance(drive, Constant) else command
+    state = activation.of(drive, end)
+    if isinstance(state, Custom):
+        low, high = activation.low, activation.high
+        _check_within(f"{name}: its activation", state.function, low, high, end)
+    return state
+
+
+def _check_within(
+    name: str, value: Callable[[float], float], low: float, high: float, end: float
+) -> None:
+    sizes = [abs(limit) for limit in (low, high) if math.isfinite(limit)]
+    off = _ROUNDING * max(sizes, default=0.0)
+    for t in np.linspace(0.0, end, _LOOKS).tolist():
+        if not low - off <= value(t) <= high + off:
+            line = f"{value(t):g} at t = {t:g} s, outside its range of {low:g} to {high:g}"
+            raise InputError(f"{name} is {line}; keep it within: only constants are clipped")

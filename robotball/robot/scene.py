@@ -23,7 +23,7 @@ from robotball.errors import (
     named,
 )
 from robotball.robot.ball import ROUNDING, Ball, Link, UserValue, Value, cached_array, imbalance
-from robotball.robot.drives import Constant, Drive, Rate, as_drive, turns
+from robotball.robot.drives import Constant, Drive, Rate, as_drive, sampling_error, turns
 from robotball.robot.formulas import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, as_floats, from_matrix, normalised, rotation_matrix, uneven
 
@@ -78,10 +78,8 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
     else:
         interval = _LONG_INTERVAL if duration > _LONG else SAMPLE_INTERVAL
     if not duration / interval < _MOST_SAMPLES:
-        raise InputError(
-            f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
-            f"at most {_MOST_SAMPLES:g}; choose a longer interval"
-        )
+        count = f"{duration / interval:.3g} samples {interval:g} s apart, of at most"
+        raise InputError(f"{duration:g} s has {count} {_MOST_SAMPLES:g}; choose a longer interval")
     # The factor absorbs rounding: 10/0.02 may be slightly more than 500.
     return np.linspace(0.0, duration, int(np.ceil(duration / interval * (1 - 1e-12))) + 1)
 
@@ -98,10 +96,8 @@ def times_of(times: Times, scene: "Scene | None" = None) -> Array:
     if times is None and scene is not None:
         return scene.times
     if isinstance(times, str):
-        raise InputError(
-            f"times must be a duration [s] or an array, not {times!r}; a preset is given by "
-            f"keyword: settings={times!r}"
-        )
+        line = f"times must be a duration [s] or an array, not {times!r}"
+        raise InputError(f"{line}; a preset is a keyword: settings={times!r}")
     times = as_floats("times", times)
     if times.ndim == 0:
         return sample_times(float(times))
@@ -227,12 +223,9 @@ def along_momentum(gamma: Array, M: Array) -> Start:
     size = np.linalg.norm(horizontal)
     # The rounding error of a vertical M has no meaningful direction.
     if not size > 1e-12 * np.linalg.norm(M):
-        raise InputError(
-            "M has no horizontal part to align OX with; give alpha or a quaternion too"
-        )
-    return Start(
-        attitude=attitude_of_axes(gamma, -horizontal / size), momentum=np.array([-size, 0.0, c])
-    )
+        line = "M has no horizontal part to align OX with; give alpha or a quaternion too"
+        raise InputError(line)
+    return Start(attitude_of_axes(gamma, -horizontal / size), np.array([-size, 0.0, c]))
 
 
 def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
@@ -265,10 +258,8 @@ def horizontal(M: Array, scale: float) -> Array:
     """
     size, vertical = math.hypot(*M.tolist()), float(M[2])
     if not abs(vertical) <= max(_CAPTION * size, _START_ROUNDING * scale):
-        raise InputError(
-            f"M is not horizontal, which the rubber model needs (3.1): (M, gamma) = {vertical:.6g} "
-            f"of |M| = {size:.6g} kg m²/s"
-        )
+        fault = f"(M, gamma) = {vertical:.6g} of |M| = {size:.6g} kg m²/s"
+        raise InputError(f"M is not horizontal, which the rubber model needs (3.1): {fault}")
     return M * [1.0, 1.0, 0.0]
 
 
@@ -276,10 +267,8 @@ def check_no_spin(shell: Array, gamma: Array) -> None:
     """Raise InputError if the shell's ω - Ω (3,) has a component along γ, against (2.2)."""
     spin = float(shell @ gamma)
     if not abs(spin) <= _CAPTION * float(np.linalg.norm(shell)):
-        raise InputError(
-            f"angular_velocity spins the shell on the spot, which the rubber model forbids (2.2): "
-            f"(ω - Ω, γ) = {spin:.6g} rad/s"
-        )
+        fault = f"the shell spins, which the rubber model forbids: (ω - Ω, γ) = {spin:.6g} rad/s"
+        raise InputError(f"angular_velocity: {fault} (2.2)")
 
 
 @dataclass(frozen=True)
@@ -392,10 +381,8 @@ class Scene(Value):
             "gravity_direction", as_floats("gravity_direction", self.gravity_direction, (3,))
         )
         if not down[2] < 0:
-            raise InputError(
-                f"gravity_direction must press the ball on the plane: its Z is {down[2]:.6g}, and "
-                "must be negative"
-            )
+            line = f"its Z must be negative, not {down[2]:.6g}"
+            raise InputError(f"gravity_direction must press the ball on the plane: {line}")
         self._set(gravity_direction=tuple(down.tolist()))
         self._set(start=self._exact(self.start))
         self._check_motors()
@@ -436,18 +423,15 @@ class Scene(Value):
             for name, ratio in actuator.gears:
                 check_size(f"{actuator.name}'s gear", ratio)
                 if name not in motorized:
-                    raise InputError(
-                        f"{actuator.name} cannot move the hinge {name!r}: choose a hinge whose "
-                        f"rate is not prescribed; there are {', '.join(motorized) or 'none'}"
-                    )
+                    known = f"choose from {', '.join(motorized) or 'none'}"
+                    line = f"its rate is prescribed, or there is none; {known}"
+                    raise InputError(f"{actuator.name} cannot move the hinge {name!r}: {line}")
         if self.controller is not None and not self.actuators:
             from robotball.robot.motors import Free  # few scenes have a controller
 
             if all(isinstance(hinge.motor, Free | None) for hinge in self.hinges):
-                raise InputError(
-                    f"{self.name} has no motor for the controller to command: give a hinge one, "
-                    "for example Servo"
-                )
+                line = "has no motor for the controller: give a hinge one, for example Servo"
+                raise InputError(f"{self.name} {line}")
 
     def __repr__(self) -> str:
         ball = self.ball
@@ -529,10 +513,8 @@ class Scene(Value):
     def check_open(self, format: str) -> None:
         """Raise InputError if the scene has a controller, which a format cannot hold."""
         if self.controller is not None:
-            raise InputError(
-                f"{self.name}: {format} cannot hold a controller; keep the Python that has it, and "
-                "write the scene without one"
-            )
+            line = f"{format} cannot hold a controller; write the scene without it"
+            raise InputError(f"{self.name}: {line}")
 
     @cached_property
     def robot(self) -> "Robot":
@@ -586,10 +568,8 @@ class Scene(Value):
     def check_reduced(self) -> None:
         """Raise InputError if (3.2) and (3.3) do not describe the scene."""
         if self.not_reduced:
-            raise InputError(
-                f"{self.name}: {self.not_reduced}; this needs a scene of the equations (3.2) and "
-                "(3.3): a balanced ball with given rates on a level plane"
-            )
+            needed = "a balanced ball with given rates on a level plane, (3.2) and (3.3)"
+            raise InputError(f"{self.name}: {self.not_reduced}; this needs {needed}")
 
     @property
     def load_varies(self) -> bool:
@@ -662,8 +642,6 @@ class Scene(Value):
 
     def sampling_error(self, end: float, timestep: float) -> float:
         """Return `sampling_error` of the scene's drives, in steps [s] of a run to `end` [s]."""
-        from robotball.robot.drive_sampling import sampling_error  # most scenes are steady
-
         stops = np.array([0.0, *(t for t in self.breakpoints if t < end), end])
         return sampling_error(self._over_time, stops, timestep)
 

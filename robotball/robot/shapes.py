@@ -63,12 +63,8 @@ class Shape(Value):
 
     def moved(self, turn: Array, shift: Array = _ORIGIN, scale: float = 1.0) -> "Shape":
         """Return the shape scaled, rotated about the origin by a quaternion (4,), and shifted."""
-        return replace(
-            self,
-            size=self.size * scale,
-            pos=shift + rotation_matrix(turn) @ self.pos * scale,
-            turn=multiply(turn, self.turn),
-        )
+        pos = shift + rotation_matrix(turn) @ self.pos * scale
+        return replace(self, size=self.size * scale, pos=pos, turn=multiply(turn, self.turn))
 
     @cached_property
     def triangles(self) -> Array:
@@ -77,10 +73,8 @@ class Shape(Value):
 
     def encloses(self, points: Array) -> bool:
         """Return whether all points (n, 3) are in the bounding box along the shape's axes."""
-        corners, local = (
-            self._local.reshape(-1, 3),
-            (points - self.pos) @ rotation_matrix(self.turn),
-        )
+        local = (points - self.pos) @ rotation_matrix(self.turn)
+        corners = self._local.reshape(-1, 3)
         inside = (local >= corners.min(axis=0)) & (local <= corners.max(axis=0))
         return len(points) > 0 and bool(inside.all())
 
@@ -155,11 +149,8 @@ def add_geoms(
             geom.attrib.update(type="mesh", mesh=_asset(assets, shape, unit))
         else:
             geom.attrib.update(type=shape.kind, size=_digits(shape.size * unit))
-        geom.attrib.update(
-            pos=_digits(shape.pos * unit),
-            quat=_digits(shape.turn),
-            material=f"{prefix}{shape.material}",
-        )
+        geom.attrib.update(pos=_digits(shape.pos * unit), quat=_digits(shape.turn))
+        geom.attrib["material"] = f"{prefix}{shape.material}"
 
 
 def _asset(assets: Element, shape: Shape, unit: float) -> str:

@@ -1,10 +1,12 @@
 """Read scenes from TOML: the catalog in scenes/ and users' files.
 
 msgspec decodes a file into the records of `scene_tables`, which check the keys. This file makes a
-Scene of them: solids, then bodies and hinges, then the start. `scene_keys` explains errors, and is
-loaded only for one.
+Scene of them: bodies and hinges, then the start. `scene_keys` explains errors, and is loaded only
+for one.
 """
 
+import itertools
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields, replace
@@ -31,14 +33,17 @@ from robotball.robot.ball import (
     axial_tensor,
     beyond_the_shell,
     composed,
+    shell_inertia,
+    wall_volume,
 )
 from robotball.robot.drives import Rate
-from robotball.robot.scene import Friction, Scene, Start
-from robotball.rotations import Array, Z, direction, rotation_matrix
+from robotball.robot.scene import Friction, Scene, Start, unit
+from robotball.rotations import Array, Z, direction, rotation_matrix, z_along
 
 CATALOG = Path(__file__).parent.parent / "scenes"
 _HungTable = tables.FrameTable | tables.RotorTable | tables.PendulumTable
 _THIN = 1e-9  # of m a², added to the moments of a body whose mass lies on a line
+_SIGNS = [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=3)]
 _START_FORMS = (
     "section, or gamma and momentum, or an attitude (attitude, or gamma and alpha) with one of "
     "momentum, momentum_world, angular_velocity and rest (M = 0; a ball at rest has "
@@ -234,10 +239,8 @@ def _shell(table: tables.ShellTable, solids: list[Solid]) -> Shell:
     offset = float(solid.centre @ axis)
     off = float(np.linalg.norm(solid.centre - offset * axis))
     if off > SYMMETRIC * radius:
-        raise InputError(
-            f"shell's centre of mass is {off:.6g} m off its axis; parts that are not symmetric "
-            "about the axis belong to the frame"
-        )
+        line = f"shell's centre of mass is {off:.6g} m off its axis"
+        raise InputError(f"{line}; parts that are not symmetric about it belong to the frame")
     moments = solid.moments_about("shell", axis, "part of the frame")
     return Shell(radius, solid.mass, *moments, axis, offset, shapes=solid.shapes)
 
@@ -307,13 +310,77 @@ def _part_solids(name: str, parts: list[tables.Part] | None, axis: Array) -> lis
     """Return the solids of a body's parts; axis: the default axis of a part."""
     if not parts:
         return []
-    from robotball.scene_files.parts import solid_of  # most bodies have no parts
-
     solids = []
     for number, part in enumerate(parts, start=1):
         with named(f"{name}.part{number}"):
             solids.append(solid_of(part, axis))
     return solids
+
+
+def solid_of(part: tables.Part, axis: Array = Z) -> Solid:
+    """Return the mass, centre, inertia and reach of a part.
+
+    axis: direction (3,) of a part without an axis. Raises InputError for impossible sizes or
+    masses.
+    """
+    from robotball.robot.shapes import Shape  # most scenes have no parts
+
+    match part:
+        case tables.Point():
+            # Its inertia comes from its position, when parts are composed.
+            centre = np.array(part.centre)
+            dot = Shape("sphere", np.zeros(3), centre)
+            return Solid(part.mass, centre, np.zeros((3, 3)), math.hypot(*part.centre), (dot,))
+        case tables.Sphere():
+            a, centre = part.outer, np.array(part.centre)
+            wall = a if part.thickness is None else part.thickness
+            moment = shell_inertia(a, 1.0, wall)  # of unit mass; checks the wall
+            mass = part.mass_in(wall_volume(a, wall))
+            ball = Shape("sphere", np.array([a, 0.0, 0.0]), centre)
+            reach = math.hypot(*part.centre) + a
+            return Solid(mass, centre, mass * moment * np.eye(3), reach, (ball,))
+        case tables.Box():
+            (x, y, z), centre = part.size, np.array(part.centre)
+            mass = part.mass_in(x * y * z)
+            moments = mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+            R = rotation_matrix(unit("attitude", np.array(part.attitude)))
+            corners = [centre + R @ (signs * part.size) / 2 for signs in _SIGNS]
+            reach = max(float(np.linalg.norm(corner)) for corner in corners)
+            box = Shape("box", np.array(part.size) / 2, centre, np.array(part.attitude))
+            return Solid(mass, centre, R @ np.diag(moments) @ R.T, reach, (box,))
+        case tables.Rod():
+            begin, end, a = np.array(part.begin), np.array(part.end), part.outer
+            axis, length = direction("rod", end - begin), float(np.linalg.norm(end - begin))
+            mass = part.mass_in(math.pi * a**2 * length)
+            return _tube(mass, a, 0.0, length, (begin + end) / 2, axis)
+        case tables.Ring():
+            mass, a, b, h = part.mass, part.radius, part.radius, 0.0
+        case tables.Cylinder() | tables.Disc():
+            a, b = part.outer, part.inner_radius
+            h = part.length if isinstance(part, tables.Cylinder) else part.thickness
+            # (a - b)(a + b), because a² - b² would lose digits for a thin wall.
+            mass = part.mass_in(math.pi * (a - b) * (a + b) * h)
+    if part.axis is not None:
+        axis = direction("axis", np.array(part.axis))
+    return _tube(mass, a, b, h, np.array(part.centre), axis)
+
+
+def _tube(mass: float, a: float, b: float, h: float, centre: Array, axis: Array) -> Solid:
+    """Return a tube with outer radius a, inner radius b and length h about a unit vector (3,)."""
+    from robotball.robot.shapes import Shape, tube
+
+    # m(a² + b²)/4 + m h²/12 across the axis holds for discs (h = 0) and hoops (a = b) too.
+    across = mass * (a * a + b * b) / 4
+    reach = max(_reach_of_circle(centre + end * axis, axis, a) for end in (-h / 2, h / 2))
+    shape = tube(a, b, h) if b else Shape("cylinder", np.array([a, h / 2, 0.0]))
+    inertia = axial_tensor(2 * across, across + mass * h * h / 12, axis)
+    return Solid(mass, centre, inertia, reach, (shape.moved(z_along(axis), centre),))
+
+
+def _reach_of_circle(centre: Array, axis: Array, radius: float) -> float:
+    """Return the largest distance from the origin to a circle about `axis`."""
+    along = float(centre @ axis)
+    return math.hypot(along, float(np.linalg.norm(centre - along * axis)) + radius)
 
 
 def _file_solids(table: tables.ShellTable | _HungTable, folder: Path) -> list[Solid]:
@@ -325,7 +392,7 @@ def _file_solids(table: tables.ShellTable | _HungTable, folder: Path) -> list[So
 
     name = ("link", file.link) if isinstance(file, tables.UrdfTable) else ("body", file.body)
     solid = solid_of_file(folder / file.file, *name)
-    R = rotation_matrix(starts.unit("attitude", np.array(file.attitude)))
+    R = rotation_matrix(unit("attitude", np.array(file.attitude)))
     return [Solid(solid.mass, np.array(file.origin) + R @ solid.centre, R @ solid.inertia @ R.T)]
 
 
@@ -352,17 +419,15 @@ def _rolling_start(table: tables.StartTable, ball: Ball) -> Start:
         gamma, M = starts.section_state(*msgspec.structs.astuple(table.section))
         return starts.along_momentum(axes @ gamma, axes @ M)
     if given == {"gamma", "momentum"}:
-        gamma = starts.unit("gamma", np.array(table.gamma))
+        gamma = unit("gamma", np.array(table.gamma))
         return starts.along_momentum(gamma, np.array(table.momentum))
-    if (
-        given - _MOMENTUM_KEYS in ({"attitude"}, {"gamma", "alpha"})
-        and len(given & _MOMENTUM_KEYS) == 1
-    ):
+    attitudes = ({"attitude"}, {"gamma", "alpha"})
+    if given - _MOMENTUM_KEYS in attitudes and len(given & _MOMENTUM_KEYS) == 1:
         if table.attitude:
-            attitude = starts.unit("attitude", np.array(table.attitude))
+            attitude = unit("attitude", np.array(table.attitude))
         else:
-            gamma = starts.unit("gamma", np.array(table.gamma))
-            alpha = starts.unit("alpha", np.array(table.alpha))
+            gamma = unit("gamma", np.array(table.gamma))
+            alpha = unit("alpha", np.array(table.alpha))
             attitude = starts.attitude_of_axes(gamma, alpha)
         if table.momentum:
             return Start(attitude, rotation_matrix(attitude) @ np.array(table.momentum))

@@ -21,26 +21,15 @@ from robotball.files.scene_tables import DENSITIES, SceneTable, numbers_in
 from robotball.robot.drives import COMMAND
 from robotball.robot.scene import Scene
 
-_WORDS = {  # msgspec's names of types, in the terms of TOML
-    "float": "a number",
-    "int": "a whole number",
-    "str": "text",
-    "bool": "true or false",
-    "array": "a list",
-    "object": "a table",
-}
+# msgspec's names of types, in the terms of TOML
+_WORDS = {"float": "a number", "int": "a whole number", "str": "text", "bool": "true or false"}
+_WORDS |= {"array": "a list", "object": "a table"}
 # Keys of other formats, whose nearest match by spelling would be another key.
 _MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
 # Largest plausible number by key or unit. Balls that people ride in have a radius of 1.5 m; few
 # motors turn at 19 000 rpm. `_limits_of` adds the limits that depend on the ball.
-_LARGEST = {
-    "m": 10.0,
-    "rad": 2 * math.pi,
-    "rad/s": 2e3,
-    "m/s²": 100.0,
-    "1": 1.0,
-    "rotor_inertia": 0.1,
-}
+_LARGEST = {"m": 10.0, "rad": 2 * math.pi, "rad/s": 2e3, "m/s²": 100.0}
+_LARGEST |= {"1": 1.0, "rotor_inertia": 0.1}
 _OVERSIZED = 4.0  # times the ball's weight at its radius: an implausible motor torque
 _FASTEST = 20.0  # m/s, plausible rolling speed
 # Other units that a larger number may be in, in units of the key.

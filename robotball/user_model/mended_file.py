@@ -3,25 +3,47 @@
 MuJoCo merges sections that appear twice, and uses the last value of an option. So the file stays as
 it is, except for names that the block needs, and a new start. MuJoCo first writes a file that
 cannot be changed in this way: a URDF, or a file with includes or replicas.
+
+`RobotNumbers` replaces numbers in the text, by paths such as "battery.mass" or "drive.gear". Paths
+use the names of MJCF; a default that the file does not state has no path.
 """
 
 import re
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 from xml.sax.saxutils import quoteattr
 
+import msgspec
 import mujoco
 import numpy as np
 
-from robotball.errors import InputError
+from robotball.errors import InputError, named
+from robotball.files import MODEL_FILES, contents
+from robotball.files.scene_tables import Number, Numbers
+from robotball.robot.drives import Rate
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.user_model.robot_file import RobotFile, body_name, unused_name
+from robotball.user_model.robot_file import RobotFile, body_name, open_robot, unused_name
+from robotball.user_model.robot_scene import DURATION, RobotTable, controls_of, scene_of
 
 # A start tag with its attributes, and an attribute with its quoted value.
 _START_TAG = re.compile(r"<[^\s/>]+(\s+[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*'))*")
 _ATTRIBUTE = re.compile(r"\s([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
+# The attributes with numbers, and their units; attributes for drawing are left out.
+_UNITS = {
+    "mass": "kg", "density": "kg/m³", "pos": "m", "size": "m", "fromto": "m",
+    "diaginertia": "kg m²", "fullinertia": "kg m²", "armature": "kg m²",
+    "damping": "", "stiffness": "", "frictionloss": "N m", "springref": "", "gear": "",
+    "kp": "", "kv": "", "gainprm": "", "biasprm": "", "dynprm": "", "timeconst": "s",
+    "forcerange": "N m", "ctrlrange": "", "friction": "", "solref": "", "solimp": "",
+    "margin": "m", "gravity": "m/s²",
+}  # fmt: skip
+_PARTS = {"friction": ("sliding", "torsional", "rolling")}
 _Names = Mapping[tuple[str, int], str]  # by kind, geom or body, and number
 
 
@@ -80,7 +102,7 @@ class Editable:
         text = self.moved if any(change.start for change in changes) else self.text
         if not changes and not self.paired:
             return text
-        return before_end(text, self._block(changes))
+        return _before_end(text, self._block(changes))
 
     def _block(self, changes: Iterable[Change]) -> Iterator[str]:
         pair = dict(self.pair)
@@ -103,7 +125,7 @@ class Editable:
             yield "</contact>"
 
 
-def before_end(text: str, lines: Iterable[str]) -> str:
+def _before_end(text: str, lines: Iterable[str]) -> str:
     """Return an MJCF text with lines added before the end tag of its root."""
     data, ends = text.encode(), [0]
     parser = _parser()
@@ -158,7 +180,7 @@ class Moves:
     key: int | None
 
 
-STILL = Moves(np.zeros(3), np.zeros(3), None)
+_STILL = Moves(np.zeros(3), np.zeros(3), None)
 
 
 def editable(
@@ -186,9 +208,9 @@ def editable(
     for read in (robot.path.read_bytes, lambda: robot.spec.to_xml().encode()):
         try:
             source = read()
-            text, moved = (_prepared(source, robot, it, new, replaced) for it in (STILL, moves))
-            if _is_same(robot, names, text, STILL) and _is_same(robot, names, moved, moves):
-                whole = _prepared(source, robot, STILL, {}, None)
+            text, moved = (_prepared(source, robot, it, new, replaced) for it in (_STILL, moves))
+            if _is_same(robot, names, text, _STILL) and _is_same(robot, names, moved, moves):
+                whole = _prepared(source, robot, _STILL, {}, None)
                 return Editable(whole, text, moved, sphere, plane, pair, replaced is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
@@ -220,7 +242,7 @@ def _folders(robot: RobotFile) -> dict[str, str]:
     return {"meshdir": str(here / spec.meshdir), "texturedir": str(here / spec.texturedir)}
 
 
-class Element(NamedTuple):
+class _Element(NamedTuple):
     """A start tag, its byte in the text, and the number of its owner.
 
     The owner is the nearest body, worldbody or default around it; -1 outside of these.
@@ -232,12 +254,12 @@ class Element(NamedTuple):
     attributes: Mapping[str, str]
 
 
-def elements_of(data: bytes) -> list[Element]:
+def _elements_of(data: bytes) -> list[_Element]:
     """Return the elements of an MJCF text in order."""
-    elements, owners, parser = list[Element](), [-1], _parser()
+    elements, owners, parser = list[_Element](), [-1], _parser()
 
     def begin(tag: str, attributes: Mapping[str, str]) -> None:
-        elements.append(Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
+        elements.append(_Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
         owns = tag in ("body", "worldbody", "default")
         owners.append(len(elements) - 1 if owns else owners[-1])
 
@@ -251,14 +273,14 @@ def _prepared(
     source: bytes, robot: RobotFile, moves: Moves, names: _Names, pair: int | None
 ) -> str:
     """Return a robot's file with new names and a new start, without one of its pairs."""
-    model, elements = robot.model, elements_of(source)
+    model, elements = robot.model, _elements_of(source)
 
-    def tagged(tag: str) -> list[Element]:
+    def tagged(tag: str) -> list[_Element]:
         return [element for element in elements if element.tag == tag]
 
     bodies = [body for body in tagged("body") if body.owner >= 0]
 
-    def part(kind: str, number: int) -> Element:
+    def part(kind: str, number: int) -> _Element:
         if kind == "body":
             return bodies[number - 1]
         body = int(model.geom_bodyid[number])
@@ -280,11 +302,11 @@ def _prepared(
             edits.append((key.at, "qvel", _added(old, moves.kick, robot.drift)))
     if pair is not None:
         edits.append((tagged("pair")[pair].at, "", ""))
-    text, folders = edited(source, edits), _folders(robot)
-    return before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
+    text, folders = _edited(source, edits), _folders(robot)
+    return _before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
 
 
-def edited(data: bytes, edits: Iterable[tuple[int, str, str]]) -> str:
+def _edited(data: bytes, edits: Iterable[tuple[int, str, str]]) -> str:
     """Return a text with edits: the byte of an element, its attribute, and the new value.
 
     With an empty attribute the whole element, which has no content, is deleted.
@@ -307,7 +329,7 @@ def _with_attribute(text: str, name: str, new: str) -> str:
     return f"{tag.group()} {name}={quoteattr(new)}{text[tag.end() :]}"
 
 
-def digits(numbers: Iterable[float]) -> str:
+def _digits(numbers: Iterable[float]) -> str:
     """Return numbers as the value of an attribute."""
     return " ".join(f"{number:.12g}" for number in numbers)
 
@@ -316,4 +338,114 @@ def _added(numbers: str, shift: Array, places: slice = slice(3)) -> str:
     """Return the numbers of an attribute with a shift (3,) added at three places."""
     values = np.array(numbers.split(), float)
     values[places] += shift
-    return digits(values)
+    return _digits(values)
+
+
+@dataclass(frozen=True)
+class RobotScene(Scene):
+    """A scene of a robot's file, with the file's model and the name of the keyframe."""
+
+    robot_file: RobotFile | None = field(default=None, compare=False)
+    key: str | None = None
+
+
+@dataclass(frozen=True)
+class RobotNumbers(Numbers):
+    """The numbers of a robot's file, and their paths.
+
+    source: the text of the file. table: of the scene file that names the robot. controls: by the
+    names of actuators, in place of the controls of the keyframe.
+    """
+
+    robot: RobotFile
+    source: bytes
+    table: RobotTable
+    controls: Mapping[str, Rate]
+    suffix: str = ".xml"
+
+    @cached_property
+    def known(self) -> dict[str, Number]:
+        """Each number, for its path. The unit is "" if it depends on the joint."""
+        return dict(_numbers(self.source))
+
+    def path_of(self, name: str) -> str:
+        """Return the path that a name stands for. Raises InputError as `Numbers.path_of`."""
+        try:
+            return super().path_of(name)
+        except InputError as error:
+            hint = "a default has no path until it is written into the file"
+            raise InputError(f"{error}; {hint}") from None
+
+    def scene(self, values: Mapping[str, float]) -> RobotScene:
+        """Return the scene with other numbers at some paths. Raises InputError if it is invalid."""
+        key, duration = self.table.keyframe, self.table.duration or DURATION
+        with named(self.robot.path):
+            robot = replace(self.robot, model=compiled(self._changed(values)))
+            scene = scene_of(robot, robot.start(key), self.controls, self.table.rolling, duration)
+        values_of = {field.name: getattr(scene, field.name) for field in fields(scene)}
+        return RobotScene(**values_of, robot_file=robot, key=key)
+
+    def text(self, values: Mapping[str, float], start: Scene) -> str:
+        """Return the text with other numbers, and a keyframe "fitted" with the start of a scene."""
+        text = self._changed(values)
+        data = replace(self.robot, model=compiled(text)).start_as(start, self.table.keyframe)
+        state = {"qpos": data.qpos, "qvel": data.qvel, "act": data.act, "ctrl": data.ctrl}
+        key = "".join(f' {k}="{_digits(v)}"' for k, v in state.items() if len(v))
+        return _before_end(text, [f'<keyframe><key name="fitted"{key}/></keyframe>'])
+
+    def _changed(self, values: Mapping[str, float]) -> str:
+        """Return the text with other numbers at some paths."""
+        # A place is an element and an attribute, with numbers in the order of the text.
+        numbers: defaultdict[tuple[int, str], list[float]] = defaultdict(list)
+        for path, (value, _, place) in self.known.items():
+            numbers[place].append(values.get(path, value))
+        changed = dict.fromkeys(self.known[path].place for path in values)
+        return _edited(self.source, [(*place, _digits(numbers[place])) for place in changed])
+
+
+def robot_numbers(path: Path) -> RobotNumbers:
+    """Return the numbers of an MJCF or URDF file, or of the robot file that a scene file names.
+
+    Raises InputError if it cannot be read, or no text compiles to the same robot.
+    """
+    table = RobotTable(robot=path.name)
+    if path.suffix not in MODEL_FILES:
+        table = msgspec.convert(msgspec.toml.decode(contents(path)), RobotTable)
+    robot = open_robot(path.parent / table.robot, table.shell)
+    source = editable(robot, _STILL, {}, ()).source.encode()
+    return RobotNumbers(robot, source, table, controls_of(table, path.parent))
+
+
+def _numbers(data: bytes) -> Iterator[tuple[str, Number]]:
+    """Yield the numbers of an MJCF text with their paths.
+
+    A path has the name of the body, and the name or tag of the element.
+    """
+    seen, paths, taken = set[str](), [""], Counter[str]()
+    for tag, at, owner, attributes in _elements_of(data):
+        above = paths[owner + 1]
+        name = attributes.get("name") or attributes.get("class", tag) * (tag == "default") or tag
+        path = name if tag == "body" or not above else f"{above}.{name}"
+        if "name" not in attributes:
+            taken[path] += 1
+            path += str(taken[path]) * (taken[path] > 1)
+        paths.append(path if tag != "worldbody" else "")
+        for attribute, text in attributes.items():
+            if attribute not in _UNITS or not (numbers := _read(text)):
+                continue
+            for i, number in enumerate(numbers):
+                parts = _PARTS.get(attribute, "xyz")
+                part = f".{parts[i] if len(numbers) == 3 else i + 1}" * (len(numbers) > 1)
+                full = f"{path}.{attribute}{part}"
+                # A joint and a geom may have the same name.
+                full = f"{path}.{tag}.{attribute}{part}" if full in seen else full
+                seen.add(full)
+                yield full, Number(number, _UNITS[attribute], (at, attribute))
+
+
+def _read(text: str) -> list[float]:
+    """Return the numbers of an attribute; an empty list if it has words."""
+    try:
+        return [*map(float, text.split())]
+    except ValueError:
+        return []

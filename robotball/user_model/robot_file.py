@@ -299,9 +299,7 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         plane = _floor(model, sphere)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
-    for implicit in (_inferred, _by_default, _balanced):
-        notes += implicit(spec)
-    notes += _ignored(model, sphere, plane)
+    notes += [*_inferred(spec), *_balanced(spec), *_ignored(model, sphere, plane)]
     return RobotFile(path, spec, model, sphere, plane, tuple(notes))
 
 
@@ -432,19 +430,6 @@ def _inferred(spec: Any) -> Iterator[str]:
                 yield f"{body.name} has no inertial; its mass follows from the density of its geoms"
 
 
-def _by_default(spec: Any) -> Iterator[str]:
-    """Yield the damping and armature that joints take from default classes."""
-    joints: dict[str, list[str]] = {}
-    for joint in spec.joints:
-        for name in ("damping", "armature"):
-            value = np.ravel(getattr(joint, name))[0]
-            if value and value == np.ravel(getattr(joint.classname.joint, name))[0]:
-                line = f"{name} {value:g} comes from the default class {joint.classname.name}"
-                joints.setdefault(line, []).append(joint.name or "a joint")
-    for line, names in joints.items():
-        yield f"{', '.join(names)}: {line}"
-
-
 def _balanced(spec: Any) -> Iterator[str]:
     """Yield bodies with an impossible inertia, which MuJoCo replaces."""
     if spec.compiler.balanceinertia:
@@ -496,14 +481,11 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
             other, sign = (below, 1.0) if at == above else (above, -1.0)
             name, solid = nodes[other]
             limits = model.joint(joint).name or f"joint{joint}", *model.jnt_range[joint].tolist()
-            links[joint] = Link(
-                name, parent, solid.mass, solid.inertia, solid.centre,
-                axis=sign * data.xaxis[joint],
-                pivot=data.xanchor[joint].copy(),
-                slides=bool(model.jnt_type[joint] == _SLIDE),
-                range=limits if model.jnt_limited[joint] else None,
-                shapes=solid.shapes,
-            )  # fmt: skip
+            body = name, parent, solid.mass, solid.inertia, solid.centre
+            axis, pivot = sign * data.xaxis[joint], data.xanchor[joint].copy()
+            slides = bool(model.jnt_type[joint] == _SLIDE)
+            limited = limits if model.jnt_limited[joint] else None
+            links[joint] = Link(*body, axis, pivot, slides, limited, shapes=solid.shapes)
             waiting.append((other, name))
     return _shell_of(robot.radius, nodes[of_shell][1]), links
 
@@ -512,13 +494,9 @@ def _shell_of(radius: float, solid: Solid) -> Shell:
     """Return a shell: the part of its inertia and centre symmetric about z, and the rest."""
     inertia = solid.inertia
     axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
-    return Shell(
-        radius, solid.mass, axial, across, Z,
-        offset=float(solid.centre[2]),
-        asymmetry=inertia - np.diag([across, across, axial]),
-        aside=solid.centre * [1.0, 1.0, 0.0],
-        shapes=solid.shapes,
-    )  # fmt: skip
+    asymmetry, aside = inertia - np.diag([across, across, axial]), solid.centre * [1.0, 1.0, 0.0]
+    moments, offset = (axial, across), float(solid.centre[2])
+    return Shell(radius, solid.mass, *moments, Z, offset, asymmetry, aside, shapes=solid.shapes)
 
 
 def _nodes(

@@ -16,11 +16,10 @@ import numpy as np
 
 from robotball.errors import InputError, check_positive, named, unknown, warn
 from robotball.files.scene_tables import Command, Table, rate_of
-from robotball.robot.activations import Activation
 from robotball.robot.ball import Ball, Hinge, Link
 from robotball.robot.drives import Rate, Samples, key
 from robotball.robot.formulas import Rolling
-from robotball.robot.motors import Actuator, Free, Law
+from robotball.robot.motors import Activation, Actuator, Free, Law
 from robotball.robot.scene import DOWN, Friction, Scene, Start
 from robotball.rotations import from_matrix
 from robotball.user_model.robot_file import (

@@ -125,7 +125,7 @@ def _main() -> None:
         else:
             opened_spec(path)[0].compile()
     except (ValueError, mujoco.FatalError, RuntimeError, MemoryError) as error:
-        no_memory = any(words in str(error) for words in _NO_MEMORY)
+        no_memory = any(phrase in str(error) for phrase in _NO_MEMORY)
         large = f"it takes more than {_MEMORY / 1e6:.0f} MB to load"
         print(large if no_memory or isinstance(error, MemoryError) else error)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotball.errors import InputError
-from robotball.files.json_text import embedded_json
+from robotball.files import embedded_json
 from robotball.robot import looks as palette
 from robotball.robot.ball import Ball
 from robotball.robot.looks import MARKS, Looks, looks_of, materials_of

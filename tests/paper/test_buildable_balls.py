@@ -7,7 +7,7 @@ import pytest
 
 from robotball import InputError
 from robotball.design.designing import masses_allowed
-from robotball.robot.ball import beyond_the_shell, check_inertia
+from robotball.robot.ball import _check_inertia, beyond_the_shell
 from robotball.rotations import Array, tangents
 from tests.paper import formulas as f
 from tests.paper.captions import CAPTIONS
@@ -18,7 +18,7 @@ from tests.paper.point_masses import Body, moments
 def is_an_inertia(tensor: Array) -> bool:
     """Return whether a rigid body can have the inertia (3, 3)."""
     try:
-        check_inertia("body", tensor)
+        _check_inertia("body", tensor)
     except InputError:
         return False
     return True

@@ -11,7 +11,7 @@ import pytest
 import robotball as rb
 import robotball.motion
 from robotball.engines.mujoco import stepping
-from robotball.motion import PIECE, attitude_error, gamma_error, momentum_error, path_error
+from robotball.motion import _PIECE, attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array, multiply
 from robotball.theory.reduced import motion_of
 from tests.messages import naming
@@ -58,8 +58,8 @@ def test_pieces_do_not_change_a_bit(scene: str, monkeypatch: pytest.MonkeyPatch)
     Piece sizes are multiples of the four numbers that BLAS adds at once.
     """
     of, times, found = rb.load_scene(scene), rb.sample_times(2.0), []
-    for size in (PIECE, 32):
-        monkeypatch.setattr(robotball.motion, "PIECE", size)
+    for size in (_PIECE, 32):
+        monkeypatch.setattr(robotball.motion, "_PIECE", size)
         monkeypatch.setattr(stepping, "_LOOK", size)
         theory, motion = rb.integrate(of, times), rb.simulate(of, times, settings="fast")
         measures = {measure.__name__: np.array(measure(motion, theory)) for measure in MEASURES}
@@ -87,7 +87,7 @@ def test_a_long_motion_needs_little_more_memory_than_its_result(
     Without pieces it was 552, 80 and 96; the rest is one piece of 8192 samples.
     """
     count = 50_000
-    monkeypatch.setattr(robotball.motion, "PIECE", 8192)
+    monkeypatch.setattr(robotball.motion, "_PIECE", 8192)
     times = np.linspace(0.0, 1000.0, count)
     states = np.random.default_rng(0).normal(size=(count, 6))
 

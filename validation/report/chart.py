@@ -11,7 +11,7 @@ from html import escape
 
 import numpy as np
 
-from robotball.files.json_text import embedded_json
+from robotball.files import embedded_json
 from robotball.rotations import Array
 from robotball.view.tracks import LineStyle
 

@@ -36,7 +36,7 @@ from robotball.motion import (
     path_errors,
     tolerated,
 )
-from robotball.robot.drive_sampling import seeing_step
+from robotball.robot.drives import seeing_step
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL

@@ -17,7 +17,7 @@ from robotball.engines.mujoco.limits import (
     inverse_inertia,
 )
 from robotball.motion import RATE_ERROR, path_unit
-from robotball.robot.drive_sampling import seeing_step
+from robotball.robot.drives import seeing_step
 from robotball.robot.motors import Servo
 
 _MEASURED = 10.0  # s, the motions on which `low_weight` was measured

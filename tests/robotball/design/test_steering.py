@@ -11,7 +11,7 @@ import robotball as rb
 from robotball.design import steering
 from robotball.design.steering import (
     WantedPath,
-    Way,
+    _Way,
     circle,
     eight,
     shortfalls,
@@ -181,7 +181,7 @@ def test_hinge_rates_give_the_momentum_and_roll_the_shell_as_wanted(
     """
     rng, scene = np.random.default_rng(4), replace(make(), rolling=rolling)
     path, times = circle(0.5), np.linspace(1.0, 4.0, 20)
-    way = Way(scene, path, 5.0, np.array([True] * len(scene.hinges)))
+    way = _Way(scene, path, 5.0, np.array([True] * len(scene.hinges)))
     y = rng.normal(size=(len(way.start()), 20))
     y[:4] /= np.linalg.norm(y[:4], axis=0)
     y[6] *= rolling == "classical"
@@ -194,8 +194,8 @@ def test_hinge_rates_give_the_momentum_and_roll_the_shell_as_wanted(
     turning = np.einsum("nij,nj->ni", moves.axes, shell)
     velocity = scene.ball.radius * np.column_stack([turning[:, 1], -turning[:, 0]])
     h = 1e-4
-    expected = (way.point(times + h) - way.point(times - h)) / (2 * h)
-    assert np.abs(velocity - expected).max() < 1e-7  # measured 1.6e-8, the difference's
+    wanted = (way.point(times + h) - way.point(times - h)) / (2 * h)
+    assert np.abs(velocity - wanted).max() < 1e-7  # measured 1.6e-8, the difference's
     J, of_M = np.zeros(rates.shape), np.zeros((*rates.shape, 3))
     for j, alone in enumerate(np.eye(len(scene.hinges))):
         turned = np.tile(alone, (20, 1))
@@ -208,7 +208,7 @@ def test_hinge_rates_give_the_momentum_and_roll_the_shell_as_wanted(
 
 def test_the_ball_waits_before_and_after_the_path() -> None:
     """A twentieth of the duration each."""
-    way = Way(pendulum_robot(), straight(2.0), 10.0, np.array([True, True]))
+    way = _Way(pendulum_robot(), straight(2.0), 10.0, np.array([True, True]))
     x = way.point(np.array([0.0, 0.5, 0.6, 5.0, 9.4, 9.5, 10.0]))[:, 0]
     assert x[[0, 1, 3, 5, 6]].tolist() == [0.0, 0.0, 1.0, 2.0, 2.0]
     assert 0 < x[2] < 0.01
@@ -218,7 +218,7 @@ def test_the_ball_waits_before_and_after_the_path() -> None:
 def test_the_rate_of_a_diverged_state_is_nan() -> None:
     """Only at that time; there the square of the quaternion is infinite."""
     scene = pendulum_robot()
-    way = Way(scene, circle(0.5), 5.0, np.array([True, True]))
+    way = _Way(scene, circle(0.5), 5.0, np.array([True, True]))
     y = np.tile(way.start()[:, None], 3)
     y[:4, 1] = 1e200
     assert np.isnan(way.rate(np.full(3, 1.0), y)).all(axis=0).tolist() == [False, True, False]

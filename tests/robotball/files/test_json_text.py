@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from robotball.files.json_text import embedded_json, json_text
+from robotball.files import embedded_json, json_text
 from tests.pages import Page
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.numbers import Numbers
+from robotball.files.scene_tables import Numbers
 from robotball.fit.scene_numbers import numbers_of
 from robotball.motion import Motion
 from robotball.rotations import turned

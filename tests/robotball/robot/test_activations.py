@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.robot.activations import Activation
 from robotball.robot.drives import as_drive
-from robotball.robot.motors import Law
+from robotball.robot.motors import Activation, Law
 from robotball.rotations import Array
 from tests.messages import naming
 

@@ -15,8 +15,8 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.stepping import controlled
 from robotball.motion import path_error
 from robotball.processes import at_most
-from robotball.robot.activations import Activation
 from robotball.robot.loop import Loop, TrueReading
+from robotball.robot.motors import Activation
 from robotball.theory.multibody.march import March
 from robotball.theory.multibody.system import System
 from tests.messages import naming

@@ -12,12 +12,11 @@ from scipy.integrate import quad
 
 import robotball as rb
 from robotball.motion import path_error
-from robotball.robot.drive_sampling import sampling_error
-from robotball.robot.drives import Constant, Drive, as_drive
+from robotball.robot.drives import Constant, Drive, as_drive, sampling_error
 from robotball.rotations import uneven
 from tests.messages import naming
 from tests.motions import pair_of
-from tests.robotball.robot.own_drive import OwnDrive, of_sine
+from tests.robotball.robot.own_drive import OwnDrive
 
 END = 3.0  # s
 FIG12 = rb.load_scene("fig12")
@@ -32,8 +31,6 @@ RATES: dict[str, rb.robot.drives.Rate] = {
     "sum": rb.Sum((1.0, rb.Ramp(final=3.0, end=1.0), rb.Sine(amplitude=2.0, frequency=0.7), abs)),
     "kinked": rb.Custom(lambda t: np.exp(-t) * np.cos(5 * t) + abs(t - 1), breakpoints=(1.0,)),
     "sharp": lambda t: math.atan(30 * (t - 1)),
-    "with its derivative": rb.Custom(of_sine, derivative=lambda t: 6 * math.cos(6 * t)),
-    "with its integral": rb.Custom(of_sine, integral=lambda t: 2 * t - math.cos(6 * t) / 6),
     "user-defined object": OwnDrive(),
 }
 DRIVES = {name: as_drive(rate, END) for name, rate in RATES.items()}
@@ -125,7 +122,7 @@ def test_a_function_that_is_not_smooth_gives_a_warning() -> None:
     """The warning names the time and the remedy; breakpoints avoid it."""
     times = np.linspace(0.0, 1.0, 3)
     cusp = rb.Custom(lambda t: 2 + 1e-3 * abs(t - 0.4) ** 0.25)
-    with pytest.warns(rb.SceneWarning, match=naming("0.4~s breakpoints derivative")):
+    with pytest.warns(rb.SceneWarning, match=naming("0.4~s breakpoints")):
         rb.integrate(FIG12.with_hinges(command={"frame": cusp}), times)
     with warnings.catch_warnings(action="error"):
         kink = rb.Custom(lambda t: 2 + abs(t - 0.4), breakpoints=(0.4,))

@@ -31,7 +31,7 @@ CASES: list[tuple[Function, Function, Function]] = [
 def approximated(
     function: Function, *breakpoints: float, finest: float | None = None
 ) -> FunctionDrive:
-    return FunctionDrive(END, function, breakpoints, None, None, finest)
+    return FunctionDrive(END, function, breakpoints, finest)
 
 
 def test_derivative_and_integral_match_closed_forms() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 import robotball as rb
 from robotball.robot.ball import PARTS, Ball, Hinge, Pendulum
-from robotball.robot.looks import INSIDE, RIM, colours, looks_of
+from robotball.robot.looks import _INSIDE, _RIM, colours, looks_of
 from robotball.rotations import Array, rotation_matrix
 
 BALL = rb.load_scene("three_rotors").ball
@@ -50,7 +50,7 @@ def test_concentric_rotors_are_nested_rings() -> None:
         reaches.append((distances.min(), distances.max()))
     (first, outer), (second, middle), (_, inner) = reaches
     # Measured 0.61 > 0.43 of the part, then 0.7 and 0.7² times as much.
-    assert INSIDE > outer > first > middle > second > inner
+    assert _INSIDE > outer > first > middle > second > inner
 
 
 def test_a_pendulum_without_parts_is_drawn_as_its_inertia_box() -> None:
@@ -101,7 +101,7 @@ def test_an_unbalanced_frame_has_a_weight_on_its_hoop(
     assert weight.kind == "sphere"
     out = float(np.linalg.norm(weight.pos))
     assert weight.pos == pytest.approx(out * np.array(centre) / np.linalg.norm(centre))
-    assert out - weight.size[0] >= (INSIDE if swings else RIM) - 1e-12
+    assert out - weight.size[0] >= (_INSIDE if swings else _RIM) - 1e-12
     assert out + weight.size[0] < 0.97
     (ring,) = (shape for shape in hoop if shape.kind == "torus")
     normal = rotation_matrix(ring.turn)[:, 2]

@@ -20,7 +20,7 @@ from robotball.files.scene_tables import (
 )
 from robotball.robot.ball import Solid
 from robotball.rotations import z_along
-from robotball.scene_files.parts import solid_of
+from robotball.scene_files.scene_file import solid_of
 
 CENTRE = (0.03, -0.02, 0.05)
 AXIS = (1.0, -2.0, 2.0)

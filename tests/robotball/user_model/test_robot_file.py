@@ -258,10 +258,6 @@ WARNED = {
     ("slips.xml", PLATE.replace("<key ", '<key qvel="1 0 0 0 0 0 0 0" ')): [
         "slips.xml 1~m/s"
     ],
-    ("gimbal.xml", GIMBAL): [
-        "gimbal.xml g1 g2 damping 0.01 main",
-        "gimbal.xml g1 g2 s armature 0.0002 main",
-    ],
     ("looks.xml", PLATE.replace("<worldbody>", '<asset><mesh name="look" file="no.stl"/></asset>'
      '<worldbody>', 1).replace('mass=".6"/>', 'mass=".6"/><geom type="mesh" mesh="look" mass="0" '
      'contype="0" conaffinity="0"/>', 1)): [

@@ -11,7 +11,7 @@ import robotball as rb
 from robotball.fit.scene_numbers import numbers_of
 from robotball.fit.sensing import apart
 from robotball.rotations import rotation_matrix, turned
-from robotball.user_model.robot_numbers import RobotNumbers, robot_numbers
+from robotball.user_model.mended_file import RobotNumbers, robot_numbers
 from tests.messages import naming, unnamed
 
 FIRST = Path("examples/first_robot.xml").absolute()

@@ -17,7 +17,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import exceeded, limit_checks
 from robotball.engines.mujoco.settings import Prescribed, recipe
 from robotball.robot.ball import Ball, Frame, Hinge, Shell
-from robotball.robot.drive_sampling import seeing_step
+from robotball.robot.drives import seeing_step
 from robotball.robot.motors import Actuator, Free, Law, Servo
 from robotball.robot.scene import Friction
 from robotball.robot.variations import scaled

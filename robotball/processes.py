@@ -50,6 +50,7 @@ _CHILDREN = threading.Lock()  # multiprocessing polls all processes when any thr
 _MAX_STARTS = 10  # attempts to start a process that is killed before it is ready
 _IDLE = 60.0  # s without a job until a process ends
 _GRACE = 1.0  # s for a process to end; then it is killed (compiled code writes no files)
+_LIMIT_PARTS = 20  # a limit is awaited in parts: if this process is suspended, one part is lost
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -229,7 +230,7 @@ class Worker:
             self._start()
         try:
             self._pipe.send(job)
-            if answered := self._pipe.poll(limit):
+            if answered := self._answers(limit):
                 result, error, lines = self._pipe.recv()
         except (OSError, EOFError):
             raise EndedError(self.end()) from None
@@ -280,6 +281,11 @@ class Worker:
             "a worker process was killed from outside, or by a script that starts processes when "
             'imported: put its top-level code below `if __name__ == "__main__":`'
         )
+
+    def _answers(self, limit: float | None) -> bool:
+        if limit is None:
+            return self._pipe.poll(None)
+        return any(self._pipe.poll(limit / _LIMIT_PARTS) for _ in range(_LIMIT_PARTS))
 
 
 def _start_server(modules: Iterable[str]) -> None:

@@ -1,9 +1,9 @@
-"""Three controllers that close the loop of a robot ball, each with the scene that it is made for.
+"""Three controllers of a robot ball, each with its scene.
 
     robotball compare steered_pendulum_robot --controller examples/controllers.py:stop
     python examples/controllers.py
 
-The second line runs each loop by the equations and by MuJoCo, well set and as it comes.
+The second line runs each loop with the equations and with MuJoCo at two presets.
 """
 
 from dataclasses import dataclass, replace
@@ -42,7 +42,7 @@ class Stop:
 stop = rb.Controller(Stop(), period=0.01, sensors=rb.Sensors(contact_point=True))
 
 
-# Follow a figure of eight: three rotors turn the ball about any axis, as its momentum stays zero.
+# Follow a figure of eight. The momentum stays zero, so three rotors turn the ball about any axis.
 
 
 def rotor_robot() -> rb.Scene:
@@ -105,14 +105,14 @@ damp = rb.Controller(Damp(), period=0.01)
 
 
 def tilted_robot() -> rb.Scene:
-    """Return the robot of `steered_pendulum_robot`, let go where it is tilted."""
+    """Return the robot of `steered_pendulum_robot`, tilted at the start."""
     scene = rb.load_scene("steered_pendulum_robot")
     attitude = np.array([1.0, 0.1, 0.2, 0.0])
     start = rb.Start(attitude / np.linalg.norm(attitude), (0, 0, 0))
     return replace(scene, name="tilted_robot", start=start)
 
 
-# The three loops, and how far each is from what it is to do.
+# The three loops, and the distance of each from its target.
 
 LOOPS = {
     "stop": rb.load_scene("steered_pendulum_robot").with_controller(stop),
@@ -136,7 +136,7 @@ def missed(motion: rb.Motion) -> float:
 
 
 def main() -> None:
-    """Print, for each loop, what each engine makes of it, and how far it is off the equations."""
+    """Print the distance of each loop from its target, and of MuJoCo from the equations."""
     for name, scene in LOOPS.items():
         theory, unit = rb.integrate(scene), "rad/s" if name == "damp" else "m"
         print(f"{name}: missed by {missed(theory):.2g} {unit} by the equations")

@@ -53,7 +53,7 @@ _WRITE_EVERY = 5.0  # s between writes of partial results
 _OF_THE_REST = 0.02  # fraction of the remaining progress that each point of a branch takes
 
 
-# Writes what has been found so far, and returns the picture's path.
+# Writes a partial study, and returns the path of its picture.
 _Save = Callable[[Study], Path]
 
 
@@ -169,7 +169,7 @@ def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None
 def follow_branches(name: str, of: str, over: str, longest: float | None, save: _Save) -> Path:
     """Follow and print the branches of a scene's motions; return the picture's path.
 
-    of: equilibrium, line or cycle; over: NAME=FROM:TO; save: writes what has been found so far.
+    of: equilibrium, line or cycle; over: NAME=FROM:TO; save: writes a partial study.
     """
     scene = load_scene(name)
     number, low, high = span_of(over)
@@ -183,7 +183,7 @@ def follow_branches(name: str, of: str, over: str, longest: float | None, save: 
         try:
             for branch in _branches(of, scene, family, longest, found):
                 found.ends(branch)
-        finally:  # of what is ended, too, all that was found
+        finally:  # also if the search is interrupted
             written = found.write()
     if written is None:
         raise InputError(
@@ -198,7 +198,7 @@ def follow_branches(name: str, of: str, over: str, longest: float | None, save: 
 def _family(
     scene: Scene, name: str, of: str, over: str, low: float, high: float, longest: float | None
 ) -> motions.Range:
-    """Return what is followed."""
+    """Return the motions to follow."""
     if of == "cycle" and (scene.not_reduced or not scene.steady):
         driven = Driven(scene, over, low, high, longest)
         driven.at(0.0)  # refused here, not in the midst of a search
@@ -208,7 +208,7 @@ def _family(
         raise unknown("number", over, NUMBERS)
     if of == "equilibrium" and over in ("f", "c"):
         raise InputError("--of equilibrium is of motion from rest, M = 0, which has no f and c")
-    # Fixed points are those of the motion from rest, whatever M the scene starts with.
+    # Fixed points belong to the motion from rest, for any momentum of the scene.
     momentum = scene.start.momentum * (of != "equilibrium")
     if of == "line" and not momentum.any():
         raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")

@@ -1,4 +1,4 @@
-"""Fixed points, limit cycles and straight-line motions of a scene, as a list and a picture."""
+"""Fixed points, limit cycles and straight-line motions of a scene: a list and a picture."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -73,10 +73,10 @@ def _point_cells(point: _Point, a: float) -> _Cells:
 
 
 def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) -> _Cells:
-    """Return half of the circle of fixed points, from an angle [rad] on, as a row of the table."""
+    """Return the cells of half of the circle of fixed points, which begins at an angle [rad]."""
     last = first + np.pi / 2
     ends = circle.at(np.array([first, last]))
-    # The eigenvalue across varies along the circle, and is 0 at its ends, where the halves meet.
+    # The eigenvalue across varies along the circle. It is 0 where the halves meet.
     rates = circle.rate(circle.at(np.linspace(first, last, 400)))
     fastest = rates[np.argmax(np.abs(rates))]
     span = f"± from {_join(ends[0])}\nto {_join(ends[1])}"
@@ -236,7 +236,7 @@ def _classical(scene: Scene) -> Study:
     table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
     table.add_row(*_straight_cells(line, ""))
     momentum = f"M = ({_join(line.momentum)}) kg m²/s; γ in principal axes:"
-    above = "A classical ball can roll straight on at any γ; at the scene's own, with"
+    above = "A classical ball can roll straight on at any γ. At the γ of the scene it has"
     record = {"scene": scene.name, **_found_record((), None, (), ((line, ""),))}
     return Study(scene.name, None, ["equilibria"], (), record, [above, momentum, table])
 
@@ -272,12 +272,12 @@ def _rubber(scene: Scene, longest: float) -> Study:
     # By the theorem of Poincaré and Hopf: a check that no point is missing.
     indices = f"The indices of the points add up to {index_sum(points)}"
     if circle is not None:
-        indices += f"; with that of the circle (Ω, γ) = 0, which is {circle.index}, to 2"
-    below = [f"{indices}, as they must on a sphere."]
+        indices += f"; the circle (Ω, γ) = 0 adds {circle.index}, which makes 2"
+    below = [f"{indices}. On a sphere the sum must be 2."]
     if limit := stability_limit(ball):
         below.append(f"Two straight-line motions are stable where M² < {limit:.6g} (kg m²/s)².")
     if not np.any(ball.Omega):
-        below.append("Ω = 0: every motion from rest is closed, and none attracts.")
+        below.append("Ω = 0: every motion from rest is closed and does not attract others.")
     record = {"scene": scene.name, **_found_record(known, circle, cycles, lines)}
     shown += [table, *below]
     return Study(scene.name, None, ["equilibria"], (), record, shown, picture)

@@ -203,8 +203,8 @@ Fixed points and cycles of the motion from rest (M = 0); γ in principal axes.
   Σ_u   ± from -0.15988, -0.16673, 0.97296   0, and 0 to 0.7181                repels,
         to 0.46102, -0.88415, -0.075754                                        straight line
 
-The indices of the points add up to 2; with that of the circle (Ω, γ) = 0, which is 0, \
-to 2, as they must on a sphere.
+The indices of the points add up to 2; the circle (Ω, γ) = 0 adds 0, which makes 2. On a \
+sphere the sum must be 2.
 out/fig05c-equilibria.png
 """
 

@@ -200,7 +200,7 @@ def random_runs(
     A start depends on the seed and its number alone.
     """
     seeds = ([seed, i] for i in range(count))
-    starts = [random_start(scene, np.random.default_rng(each)) for each in seeds]
+    starts = [random_start(scene, np.random.default_rng(seed)) for seed in seeds]
     settings: Any = {"settings": request.settings, "engine": request.engine, "device": device}
     with progress_bar(1) as show:
         settings["progress"] = lambda part: show(part, scene.name)
@@ -305,10 +305,10 @@ def sweep(
     loaded, request = scene_of(scene), request_of(engine, settings)
     sampled, chosen = times_of(times, loaded), request.settings
     assert chosen is not None  # no accuracy is requested
-    names = [each.name for each in fields(chosen)]
+    names = [option.name for option in fields(chosen)]
     jobs: list[tuple[Any, Scene, EngineSettings]]
     if parameter in names:
-        jobs = [(each, loaded, replace(chosen, **{parameter: each})) for each in values]
+        jobs = [(value, loaded, replace(chosen, **{parameter: value})) for value in values]
     else:
         from robotball.fit.scene_numbers import numbers_of  # settings need no scene file
 
@@ -316,7 +316,7 @@ def sweep(
         if parameter.rpartition(".")[2] not in {path.rpartition(".")[2] for path in numbers.known}:
             raise unknown("parameter", parameter, [*names, *numbers.known])
         parameter = numbers.path_of(parameter)
-        jobs = [(each, numbers.scene({parameter: each}), chosen) for each in values]
+        jobs = [(value, numbers.scene({parameter: value}), chosen) for value in values]
     work, rows = partial(_row, sampled, request.engine), []
     for row in in_processes(work, jobs, _MANY, or_here=True):
         rows.append(row)

@@ -163,7 +163,7 @@ def compiled(text: str) -> mujoco.MjModel:
 
 
 @dataclass(frozen=True)
-class Moves:
+class StartShift:
     """Changes to the start of a file.
 
     Attributes
@@ -180,11 +180,11 @@ class Moves:
     key: int | None
 
 
-_STILL = Moves(np.zeros(3), np.zeros(3), None)
+_STILL = StartShift(np.zeros(3), np.zeros(3), None)
 
 
 def editable(
-    robot: RobotFile, moves: Moves, pair: Mapping[str, str], bodies: Iterable[int]
+    robot: RobotFile, moves: StartShift, pair: Mapping[str, str], bodies: Iterable[int]
 ) -> Editable:
     """Return the text of a robot's file, ready for changes.
 
@@ -217,7 +217,7 @@ def editable(
     raise InputError(f"{robot.path} cannot be mended: rewritten, it is a different robot")
 
 
-def _is_same(robot: RobotFile, names: _Names, text: str, moves: Moves) -> bool:
+def _is_same(robot: RobotFile, names: _Names, text: str, moves: StartShift) -> bool:
     """Return whether a text compiles to the robot with these names and moves."""
     model, other, at = robot.model, compiled(text), robot.free
     kicks = np.zeros_like(model.key_qvel)
@@ -270,7 +270,7 @@ def _elements_of(data: bytes) -> list[_Element]:
 
 
 def _prepared(
-    source: bytes, robot: RobotFile, moves: Moves, names: _Names, pair: int | None
+    source: bytes, robot: RobotFile, moves: StartShift, names: _Names, pair: int | None
 ) -> str:
     """Return a robot's file with new names and a new start, without one of its pairs."""
     model, elements = robot.model, _elements_of(source)

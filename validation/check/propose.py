@@ -17,7 +17,7 @@ from scipy.optimize import root_scalar
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, recipe
 from robotball.engines.mujoco.user_model import UserModel, wrenches
 from robotball.errors import counted
-from robotball.user_model.mended_file import Change, Editable, Moves, editable
+from robotball.user_model.mended_file import Change, Editable, StartShift, editable
 from robotball.user_model.robot_file import body_name, geom_name, start_misses
 
 from .observe import Observation
@@ -44,7 +44,7 @@ def editable_file(seen: Observation) -> Editable:
     user, contact = seen.user, seen.contact
     robot, data = user.robot, user.begin()
     normal, gap = robot.above_plane(data)
-    moves = Moves(-gap * normal, -robot.slip(data), robot.keyframe(user.key))
+    moves = StartShift(-gap * normal, -robot.slip(data), robot.keyframe(user.key))
     names = ("condim", "friction", "solref", "solreffriction", "solimp", "margin")
     called = {"condim": "dim", "margin": "includemargin"}  # in a contact
     fields = {name: np.atleast_1d(getattr(contact, called.get(name, name))) for name in names}

@@ -78,12 +78,12 @@ def compare(
     out = writable_folder(run.out)
     comparing = Comparing(requests, options.times_of(run.duration), run.strict, out, plots)
     found = compare_all(list(loaded.values()), comparing)
-    records = [record for each in found for record in each.records]
+    records = [record for comparison in found for record in comparison.records]
     refused = [
         f"{scene.name if file == scene.name else f'{scene.name} ({file})'}: "
-        + each.refused.removeprefix(f"{scene.name}: ").removeprefix(f"{scene.name}, ")
-        for (file, scene), each in zip(loaded.items(), found, strict=True)
-        if each.refused is not None
+        + comparison.refused.removeprefix(f"{scene.name}: ").removeprefix(f"{scene.name}, ")
+        for (file, scene), comparison in zip(loaded.items(), found, strict=True)
+        if comparison.refused is not None
     ]
     # Refused scenes are reported after the results of the others.
     if not records:
@@ -95,7 +95,7 @@ def compare(
     for scene in loaded.values():
         if scene.ball.general:
             print(f"{scene.name}: {OWN_FILE.format(scene.source)}")
-    pictures = [picture for each in found for picture in each.pictures]
+    pictures = [picture for comparison in found for picture in comparison.pictures]
     if pictures:
         print("plots:", pictures[0], f"and {len(pictures) - 1} more")
     for line in refused:
@@ -143,7 +143,7 @@ def _many(
     table = table_of(columns, rows, lambda row: row["faulty"], "preset")
     record = {"seed": seed, "spread": rows, "runs": runs}
     present(Study("", None, (), rows, record, [table]), run.out, json, csv)
-    agree = all(each["agrees"] for some in runs.values() for each in some)
+    agree = all(run["agrees"] for preset_runs in runs.values() for run in preset_runs)
     return options.AGREES if agree else options.DISAGREES
 
 
@@ -173,9 +173,11 @@ def demo(*, out: options.Out = options.OUT) -> int:
             [*map(load_scene, _DEMO_SCENES)]
         )
         records = [*map(results.record, agreements)]
-    shown = [each for each in agreements if each.settings.name in _SHOWN]
+    shown = [agreement for agreement in agreements if agreement.settings.name in _SHOWN]
     results.show(records, console)
-    predicted = "\n  ".join(["Predicted before the runs:", *(str(each.message) for each in said)])
+    predicted = "\n  ".join(
+        ["Predicted before the runs:", *(str(warning.message) for warning in said)]
+    )
     console.print(predicted, markup=False, highlight=False)
     results.write_markdown(out / "demo.md", records)
     scenes, presets = " ".join(_DEMO_SCENES), ",".join(_SHOWN)
@@ -190,7 +192,7 @@ def demo(*, out: options.Out = options.OUT) -> int:
     # A film needs a GL and an encoder, without which the rest of the demo is as good.
     except InputError as error:
         console.print(escape(f"no video: {error}"), style="yellow")
-    naive, balanced = (float(each.path_errors.max()) for each in filmed)
+    naive, balanced = (float(agreement.path_errors.max()) for agreement in filmed)
     as_it_comes, end = label_of(filmed[0].motion), filmed[0].end
     console.print(
         f"{as_it_comes} leaves the path: {naive:.2g} m off after {end:g} s; "

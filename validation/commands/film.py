@@ -63,7 +63,7 @@ def video(
     else:
         agreements = run.agreements([run.scene(scene)])
         stem, motions = file_stem(agreements), motions_of(agreements, "video")
-        agrees = all(each.agrees for each in agreements)
+        agrees = all(agreement.agrees for agreement in agreements)
     path = run.out / f"{file_name(stem, None, words)}.{format}"
     film(path, motions, how)
     print(path)
@@ -102,7 +102,9 @@ def view(
     else:
         print(KEYS, file=sys.stderr)
         watch(motions)
-    return options.AGREES if all(each.agrees for each in agreements) else options.DISAGREES
+    return (
+        options.AGREES if all(agreement.agrees for agreement in agreements) else options.DISAGREES
+    )
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -227,7 +227,7 @@ def _branches(
     # An unstable cycle is reached by no start, but is born somewhere.
     still = family.momentum.any() and not np.any(scene.parameters.Omega)
     lines = () if still else motions.resting(family)
-    hopf = (point for each in lines for point in each.special(HOPF))
+    hopf = (point for branch in lines for point in branch.special(HOPF))
     starts = _cycles(scene, family, watch)
     return motions.cycling(family, starts, longest or _LONGEST, hopf, watch)
 

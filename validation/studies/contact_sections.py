@@ -199,8 +199,8 @@ def section_study(
     where = f"g = {g:g}" if period is None else f"once in {period:.6g} s"
     drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
     shown = []
-    for label, each in drawn.items():
-        growing, total = np.count_nonzero(each.directions == 1), len(each.l)
+    for label, crossings in drawn.items():
+        growing, total = np.count_nonzero(crossings.directions == 1), len(crossings.l)
         sides = f"crossings, {growing} with g growing, {total - growing} falling"
         shown.append(f"{label}: {total} {sides if period is None else f'points, {where}'}")
     if period is None and _may_come_to_rest(scene):

@@ -524,15 +524,17 @@ def map_extremes(names: Sequence[str], sweep: Sweep) -> int:
     maps = chosen("map", names, MAPS)
     cut = QUICK if sweep.quick else WHOLE
     found = {
-        each.name: sweep.results(measure_cell, cells_of(each, cut), "extremes", each.limit)
-        for each in maps
+        failure_map.name: sweep.results(
+            measure_cell, cells_of(failure_map, cut), "extremes", failure_map.limit
+        )
+        for failure_map in maps
     }
     records = summary(found)
     show(_shown(records))
     for name, results in found.items():
         picture = _map_picture(name, results)
         sweep.present(Study("extremes", None, [name], rows_of(results), picture=picture))
-    all_maps = totals([each for results in found.values() for each in results])
+    all_maps = totals([result for results in found.values() for result in results])
     record = {"quick": sweep.quick, "totals": all_maps, "summary": records}
     write_record(sweep.json, record)
-    return DISAGREES if any(each["missed"] for each in records) else AGREES
+    return DISAGREES if any(record["missed"] for record in records) else AGREES

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from robotball.errors import InputError
 from robotball.rotations import Array
-from robotball.user_model.mended_file import Change, Editable, Moves, compiled, editable
+from robotball.user_model.mended_file import Change, Editable, StartShift, compiled, editable
 from robotball.user_model.robot_file import RobotFile, open_robot
 from tests.messages import naming
 
@@ -29,7 +29,7 @@ START = Change("start", "it hangs in the air", start=True)
 
 def editable_of(path: Path, shift: Array = STILL) -> Editable:
     robot = open_robot(path)
-    return editable(robot, Moves(shift, STILL, None), PAIR, range(1, robot.model.nbody))
+    return editable(robot, StartShift(shift, STILL, None), PAIR, range(1, robot.model.nbody))
 
 
 ENDS = (
@@ -95,7 +95,7 @@ def test_every_name_survives_a_change(names: list[str]) -> None:
         path.write_text(text, encoding="utf-8")
         spec = mujoco.MjSpec.from_string(text)
         robot = RobotFile(path, spec, spec.compile(), sphere=1, plane=0, notes=())
-        ours = editable(robot, Moves(UP, STILL, None), PAIR, (1, 2))
+        ours = editable(robot, StartShift(UP, STILL, None), PAIR, (1, 2))
         exclude = Change("contacts", names[4], exclude=((names[2], names[4]),))
         model = compiled(ours.changed([*CHANGES[:2], START, exclude]))
     kept = [model.geom(0), model.body(1), model.geom(1), model.body(2), model.joint(1)]
@@ -141,7 +141,7 @@ def test_a_keyframe_of_an_included_file_is_shifted(tmp_path: Path) -> None:
     )
     path = tmp_path / "mine.xml"
     path.write_text('<mujoco><include file="ball.xml"/></mujoco>')
-    ours = editable(open_robot(path), Moves(UP, 2 * UP, 0), PAIR, [])
+    ours = editable(open_robot(path), StartShift(UP, 2 * UP, 0), PAIR, [])
     moved = compiled(ours.changed([START]))
     assert moved.key_qpos[0, :3] - [0, 0, 1] == pytest.approx(UP, abs=1e-12)
     assert moved.key_qvel[0, :3] - [1, 0, 0] == pytest.approx(2 * UP, abs=1e-12)

@@ -185,7 +185,7 @@ def demo(*, out: options.Out = options.OUT) -> int:
     page, filmed = out / "demo.html", shown[: len(_SHOWN)]
     write_text(page, report(shown, command))
     path = out / f"{results.file_stem(filmed)}.mp4"
-    console.print(f"{page} can be opened; a film of a minute's work is added to it.")
+    console.print(f"{page} can be opened now; a film is added to it, which takes a minute.")
     try:
         film(path, motions_of(filmed, "video"), Film(size=_FILM, fps=24, ghost=True))
         write_text(page, report(shown, command, path))

@@ -173,7 +173,11 @@ def _words_of(error: CycloptsError) -> str:
         case UnusedCliTokensError(unused_tokens=[first, *_]):
             return f"{command} does not take {first!r}; {more} says what it takes"
         case UnknownCommandError(unused_tokens=[name, *_], app=app) if app:
-            return str(unknown("command", name, sorted(app, key=str.isalpha, reverse=True)))
+            for family, (_, members) in FAMILIES.items():
+                if any(member.endswith(f":{name}") for member in members.split()):
+                    return f"no command is called {name!r}; it is 'robotball {family} {name}'"
+            words = [word for word in app if word.isalpha()]
+            return str(unknown("command", name, [*words, "help", "--version"]))
         case UnknownOptionError() if "Did you mean" not in str(error):
             return f"{error} {more} lists the options."
     return str(error)

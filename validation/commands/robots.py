@@ -368,7 +368,7 @@ def export(
     preset: options.PresetName = "balanced",
     duration: options.Duration = None,
 ) -> int:
-    """Print a scene as MJCF, or write it as MJCF, URDF, SDF and JSON for other simulators.
+    """Print a scene as MJCF, or write it as MJCF, URDF and TOML for other simulators.
 
     'robotball judge' compares the other simulator's trajectory with the equations.
 

@@ -227,7 +227,8 @@ def dress(model: Model) -> Model:
     place_of_world = list(root).index(worldbody)
     root[place_of_world:place_of_world] = [size, _child(floor, "visual"), assets]
     ElementTree.indent(root)
-    return replace(model, xml=ElementTree.tostring(root, encoding="unicode") + "\n")
+    text = ElementTree.tostring(root, encoding="unicode") + "\n"
+    return replace(model, xml=text, original=None)
 
 
 def _child(element: Element, tag: str) -> Element:

@@ -7,7 +7,7 @@ The model is composed as text, which preserves every double. `MjSpec.attach` com
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 from xml.etree import ElementTree
@@ -117,6 +117,8 @@ class Model:
     settings: Settings
     xml: str
     hinges: tuple[ModelHinge, ...]
+    # The model of another scene with the same text, which is compiled for both.
+    original: "Model | None" = field(default=None, compare=False, repr=False)
 
     @cached_property
     def compiled(self) -> mujoco.MjModel:
@@ -124,18 +126,20 @@ class Model:
 
         Raises InputError if MuJoCo refuses it.
         """
+        if self.original is not None:
+            return self.original.compiled
         return _compiled_model(self.xml, self.settings.softness)
 
     def of(self, scene: Scene) -> "Model":
         """Return the model with a scene that differs in its commands or its start only."""
-        model = replace(self, scene=scene, hinges=hinges_of(scene, self.settings))
-        # Cached properties, which are the same for both scenes.
-        vars(model).update(compiled=self.compiled, sensor_columns=self.sensor_columns)
-        return model
+        hinges = hinges_of(scene, self.settings)
+        return replace(self, scene=scene, hinges=hinges, original=self.original or self)
 
     @cached_property
     def sensor_columns(self) -> dict[str, slice]:
         """The columns of sensordata by the sensor's name."""
+        if self.original is not None:
+            return self.original.sensor_columns
         sensors = [self.compiled.sensor(i) for i in range(self.compiled.nsensor)]
         return {s.name: slice(s.adr[0], s.adr[0] + s.dim[0]) for s in sensors}
 

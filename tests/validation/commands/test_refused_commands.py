@@ -109,6 +109,7 @@ REFUSED = {
     "dynamics chart classical_chaotic --over f=1:8,K=1:2 --quick": "(M,~γ) 3 M² 8",
     "dynamics chart chaplygin_ball --over Omega=0:1,K=0:1": "Omega~=~0",
     "dynamics chart fig14 --over K=0:1,Omega=0:1 --duration 0": "duration 0~s",
+    "section fig12": "'section' 'robotball~dynamics~section'",
     # scenes that a command is not for, each answered by a command that is
     "design fig12 --rotor-speed 0.01": "rotor 0.01~rad/s",
     "dynamics section fig12 --preset naive --count 2": "MuJoCo t~=~0.001…~s",

@@ -12,4 +12,4 @@ axes = figure.add_subplot(xlabel="l [rad]", ylabel="L [kg m²/s]", title="fig14,
 axes.plot(section.l[0], section.L[0], ".", markersize=2)
 Path("out").mkdir(exist_ok=True)
 figure.savefig("out/section.png")
-print(f"{section.found[0]} crossings in {section.times[0, -1]:.0f} s")
+print(f"{section.found[0]} crossings, the first at {section.times[0, 0]:.4f} s")

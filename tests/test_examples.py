@@ -28,7 +28,7 @@ SCRIPTS = {
     "compare": ("naive 5.3e-01 balanced", "out/compare.png"),
     "sweep": ("1.2, needed 1.155", None),
     "many_starts": ("10~runs 0~with 1e-8 True", None),
-    "section": ("1000 3972~s", "out/section.png"),
+    "section": ("1000 2.4241~s", "out/section.png"),
     "exponents": ("fig12 regular fig14 chaotic", None),
     "fit": ("frame.kv 0.4", "out/run.csv"),
     "controller": ("0.544~m agrees", None),

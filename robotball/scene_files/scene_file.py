@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields, replace
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any
 
@@ -151,7 +152,11 @@ def scene_schema() -> dict[str, Any]:
     '#/$defs/SceneTable'
     """
     draft = "https://json-schema.org/draft/2020-12/schema"
-    return {"$schema": draft, **msgspec.json.schema(tables.SceneTable)}
+    schema = msgspec.json.schema(tables.SceneTable)
+    for record in schema["$defs"].values():
+        # Docstrings, which Python indents differently before 3.13.
+        record["description"] = cleandoc(record.get("description", ""))
+    return {"$schema": draft, **schema}
 
 
 def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | None = None) -> Scene:

@@ -182,8 +182,8 @@ TALK = """
   Found link https://a/engine_x-3.9.1.tar.gz (from b), version: 3.9.1
   Skipping link: none of the wheel's tags (cp312) are compatible: https://a/Engine.X-3.9.0-cp312.whl
   Link requires a different Python (3.11.7 not in: '>=3.12'): https://a/engine_x-3.11.0rc1-cp312.whl
-  Found link https://a/engine_x-2.3.1.post1-py3-none-any.whl (from b), version: 2.3.1.post1
-  Found link https://a/other-4.0.0-py3-none-any.whl (from b), version: 4.0.0
+  Found link https://a/engine_x-2.3.1.post1-cp311.whl (from b), version: 2.3.1.post1
+  Found link https://a/other-4.0.0-cp311.whl (from b), version: 4.0.0
 """
 
 

@@ -88,7 +88,7 @@ def plot(
     remark = paragraph(note, "faint") if note else ""
     return (
         f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
-        f'<div class="told" aria-live="polite">{_HINT}</div>{remark}'
+        f'<div class="readout" aria-live="polite">{_HINT}</div>{remark}'
         f"{folded('Values', _values(lines, x_label, y_label))}</figure>"
     )
 

@@ -1,8 +1,8 @@
 // What is under the pointer, or where the arrow keys are: a mark on each line, and the values below.
 for (const chart of document.querySelectorAll("svg.chart")) {
   const lines = JSON.parse(chart.dataset.lines);
-  const told = chart.parentElement.querySelector(".told");
-  if (!told) continue;
+  const readout = chart.parentElement.querySelector(".readout");
+  if (!readout) continue;
   const marks = lines.map(line => {
     const mark = document.createElementNS("http://www.w3.org/2000/svg", "circle");
     mark.setAttribute("r", 4.5);
@@ -12,7 +12,7 @@ for (const chart of document.querySelectorAll("svg.chart")) {
     return chart.querySelector("svg").appendChild(mark);
   });
   const number = value => value === null || value === undefined ? "-" : String(value);
-  const hint = told.textContent;
+  const hint = readout.textContent;
   let index = 0;
   // The place of a time among a line's own times; a run that broke off has fewer.
   const timeOf = (line, i) => line.t ? line.t[i] : line.x[i];
@@ -32,9 +32,9 @@ for (const chart of document.querySelectorAll("svg.chart")) {
       marks[k].setAttribute("visibility", "visible");
       words.push(line.t ? `${line.name}: (${number(line.x[place])}, ${number(line.y[place])}) m` : `${line.name}: ${number(line.y[place])}`);
     });
-    told.textContent = `t = ${number(time)} s · ${words.join(" · ")}`;
+    readout.textContent = `t = ${number(time)} s · ${words.join(" · ")}`;
   };
-  const hide = () => { told.textContent = hint; marks.forEach(mark => mark.setAttribute("visibility", "hidden")); };
+  const hide = () => { readout.textContent = hint; marks.forEach(mark => mark.setAttribute("visibility", "hidden")); };
   chart.tabIndex = 0;
   chart.addEventListener("pointermove", event => {
     const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(chart.getScreenCTM().inverse());

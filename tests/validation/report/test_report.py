@@ -120,13 +120,13 @@ def test_a_pointer_and_a_key_show_a_charts_values(browser: Browser) -> None:
         """(() => {
         const chart = document.querySelectorAll('svg.chart')[1];
         const box = chart.getBoundingClientRect();
-        const told = chart.parentElement.querySelector('.told');
+        const readout = chart.parentElement.querySelector('.readout');
         return [
             new PointerEvent('pointermove',
                 {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2}),
             new KeyboardEvent('keydown', {key: 'ArrowRight'}),
             new PointerEvent('pointerleave'),
-        ].map(event => (chart.dispatchEvent(event), told.textContent));
+        ].map(event => (chart.dispatchEvent(event), readout.textContent));
         })()"""
     )
     values = r"t = 0\.\d+ s · MuJoCo as it comes: [\d.e-]+ · MuJoCo, fast: [\d.e-]+"
@@ -172,7 +172,7 @@ def test_a_page_is_printed_dark_on_white(browser: Browser) -> None:
     browser.size(1280, 800, dark=True, media="print")
     assert browser.run(COLOUR.format("color")) == "rgb(34, 38, 43)"
     shown = "each => each.getClientRects().length"
-    for kind in ("details:not([open])", ".rb-controls", ".told"):
+    for kind in ("details:not([open])", ".rb-controls", ".readout"):
         assert browser.run(f"[...document.querySelectorAll('{kind}')].some({shown})") is False
     assert browser.run(
         "[...document.querySelectorAll('table:not(.words) td.number')].every("

@@ -135,10 +135,8 @@ def _rolling_motion(
 
 def _grip(motion: ReferenceMotion) -> float:
     """Return the largest part of the scene's friction that a rolling motion needs."""
-    friction, loads = motion.scene.friction, motion.loads
-    shares = [loads.sliding_friction / (friction.sliding or np.inf)]
-    if motion.scene.rolling == "rubber":
-        shares.append(loads.torsional_friction / (friction.torsional or np.inf))
+    slide, _, spin = motion.scene.slip_limits
+    shares = motion.loads.sliding_friction / slide, motion.loads.torsional_friction / spin
     return float(np.linalg.norm(shares, axis=0).max())
 
 

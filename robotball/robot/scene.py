@@ -402,19 +402,20 @@ class Scene(Value):
 
     def _check_slip(self, slip: Array) -> None:
         """Raise InputError unless the friction of the scene lets the start slip (3,)."""
-        slide = self.friction.sliding
-        spin = self.friction.torsional if self.rolling == "rubber" else None
-        kinds = ("sliding", slide), ("sliding", slide), ("torsional", spin)
-        for value, (kind, coefficient) in zip(slip.tolist(), kinds, strict=True):
+        kinds = ("sliding", "sliding", "torsional")
+        for value, kind, limit in zip(slip.tolist(), kinds, self.slip_limits, strict=True):
             check_size("the start's slip", value)
-            if value and coefficient is None:
+            if not value or np.isfinite(limit):
+                continue
+            if kind == "torsional" and self.rolling == "classical":
                 raise InputError(
-                    f"the start's slip is {slip.tolist()}, but friction.{kind} has no limit: give "
-                    "friction a value, or start without this slip"
-                    if kind == "sliding" or self.rolling == "rubber"
-                    else f"the start's slip has a spin of {value:g} rad/s, which the classical "
-                    "model has in M: give it with the momentum or the angular velocity"
+                    f"the start's slip has a spin of {value:g} rad/s, which the classical model "
+                    "has in M: give it with the momentum or the angular velocity"
                 )
+            raise InputError(
+                f"the start's slip is {slip.tolist()}, but friction.{kind} has no limit: give "
+                "friction a value, or start without this slip"
+            )
 
     def _check_motors(self) -> None:
         """Raise InputError unless actuators and the controller have motors to command."""
@@ -587,10 +588,17 @@ class Scene(Value):
         return imbalance(self.ball) is not None or moves
 
     @property
+    def slip_limits(self) -> Array:
+        """Coefficients (3,) that limit slip along X and Y, and spin [m]; inf if none does."""
+        slide, spin = self.friction.sliding, self.friction.torsional
+        # A classical shell may spin as it likes.
+        limits = slide, slide, spin if self.rolling == "rubber" else None
+        return np.array([np.inf if limit is None else limit for limit in limits])
+
+    @property
     def may_slip(self) -> bool:
         """Whether the friction of the plane is limited."""
-        spin = self.friction.torsional if self.rolling == "rubber" else None
-        return self.friction.sliding is not None or spin is not None
+        return bool(np.isfinite(self.slip_limits).any())
 
     @cached_property
     def keeps_momentum(self) -> bool:

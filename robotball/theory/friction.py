@@ -11,7 +11,7 @@ While the shell slips, the state has the horizontal momentum P, and L in place o
 model. M is not constant then.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.integrate import Radau
@@ -19,7 +19,7 @@ from scipy.integrate import Radau
 from robotball.errors import InputError
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
-from robotball.theory.multibody.derivative import HINGES, MOMENTUM, Readings
+from robotball.theory.multibody.derivative import HINGES, MOMENTUM, Modes, Readings, readings_of
 from robotball.theory.multibody.system import System
 
 _STOPPED = 1e-10  # m/s, of |Wv|: a slower slip has ended
@@ -28,7 +28,7 @@ _ONSET = 1e-9  # m/s, of |Wv|: up to it friction keeps the direction in which sl
 # stiff, and an implicit method takes the steps.
 _STIFF = 3e-3
 _STIFF_RTOL = 1e-10  # relative error of an implicit step, which is of order five
-_NUDGE, _ITERATIONS = 1e-6, 30  # s and steps of the search for the direction in which slip begins
+_NUDGE, _ITERATIONS = 1e-6, 30  # s and steps of the search for the direction of a motion
 _MOST_EVENTS = 5000  # changes between stick and slip; more are chatter
 
 
@@ -99,8 +99,8 @@ def follow(system: System, t: float, state: Array) -> Array:
     # along the hinges.
     held = state.copy()
     if system.spins:
-        L = state[MOMENTUM : MOMENTUM + 3]
-        held[MOMENTUM : MOMENTUM + 3] = -L[1], L[0], 0.0
+        for row in _rows(system, held):
+            row[MOMENTUM : MOMENTUM + 3] = across(row[MOMENTUM : MOMENTUM + 3])
     system.modes = modes._replace(slipping=False, ahead=np.zeros(3))
     if grip(system, system.readings(t, held)) > 1:
         return slide(system, t, held)
@@ -111,28 +111,53 @@ def follow(system: System, t: float, state: Array) -> Array:
 def slide(system: System, t: float, state: Array) -> Array:
     """Set the mode of a sticking shell that begins to slip, and return the state.
 
-    The direction d of Wv solves: the acceleration with friction against d is along d. The
-    iteration is damped with the acceleration without friction. If the friction reaches its limit
-    continuously, d stays -W⁻¹f/|W⁻¹f|.
+    If the friction reaches its limit continuously, the direction of Wv stays -W⁻¹f/|W⁻¹f|.
     """
-    readings = system.readings(t, state)
-    toward = -_friction(readings) / system.friction
+    toward = -_friction(system.readings(t, state)) / system.friction
+    numbers, state = system.numbers(t, state), state.copy()
     system.modes = system.modes._replace(slipping=True, ahead=np.zeros(3))
-    state = state.copy()
-    write_momenta(system, state, readings.omega, readings.rates, np.zeros(3))
-
-    def acceleration() -> Array:
-        nudged = state + _NUDGE * system.rate(t, state)
-        return np.asarray(system.weights * system.readings(t, nudged).slip)
-
-    free = float(np.linalg.norm(acceleration()))
-    system.modes = system.modes._replace(ahead=toward / np.linalg.norm(toward))
-    for _ in range(_ITERATIONS):
-        to = free * system.modes.ahead + acceleration()
-        if np.any(to):
-            system.modes = system.modes._replace(ahead=to / np.linalg.norm(to))
+    for scene, row, values in zip(system.scenes, _rows(system, state), numbers, strict=True):
+        readings = readings_of(values, system.count)
+        _write_momenta(system, scene, row, readings.omega, readings.rates, np.zeros(3))
+    toward /= np.linalg.norm(toward)
+    modes = system.modes
+    find_direction(
+        system,
+        t,
+        state,
+        lambda d: modes._replace(ahead=d),
+        lambda r: system.weights * r.slip,
+        toward,
+    )
     _record(system, t, slips=True)
     return state
+
+
+def find_direction(
+    system: System,
+    t: float,
+    state: Array,
+    modes_of: Callable[[Array], Modes],
+    motion_of: Callable[[Readings], Array],
+    guess: Array,
+) -> None:
+    """Set the modes to the direction in which a shell begins to slip or to roll.
+
+    The plane's reaction is against the direction d, and depends on it: d is parallel to the
+    acceleration, of which `motion_of` gives the velocity after a moment. The iteration from the
+    guess, a unit vector, is damped with the acceleration without reaction, or it would overshoot.
+    """
+
+    def ahead(direction: Array) -> Array:
+        system.modes = modes_of(direction)
+        return motion_of(system.readings(t, state + _NUDGE * system.rate(t, state)))
+
+    free, direction = float(np.linalg.norm(ahead(np.zeros(3)))), guess
+    for _ in range(_ITERATIONS):
+        to = free * direction + ahead(direction)
+        if np.any(to):
+            direction = to / np.linalg.norm(to)
+    system.modes = modes_of(direction)
 
 
 def _record(system: System, t: float, *, slips: bool) -> None:
@@ -148,7 +173,7 @@ def slip_intervals(
     events: Sequence[tuple[float, bool]], scene: Scene, end: float
 ) -> tuple[tuple[float, float], ...]:
     """Return the intervals in which the shell slips up to `end` [s]."""
-    begins = [0.0] if np.any(scene.start.slip) else []
+    begins = [0.0] if scene.start.slips else []
     intervals = []
     for t, slips in [*events, (end, False)]:
         if slips and not begins:
@@ -158,13 +183,25 @@ def slip_intervals(
     return tuple(intervals)
 
 
-def write_momenta(system: System, state: Array, omega: Array, rates: Array, slip: Array) -> None:
-    """Write the momenta of velocities into a state, in the present modes.
+def _rows(system: System, state: Array) -> Array:
+    """Return the states (k, size) of k robots, as a view."""
+    return state.reshape(-1, system.size)
+
+
+def across(L: Array) -> Array:
+    """Return e_z×L for L (..., 3) in world axes: M of a rubber shell that sticks."""
+    return np.cross([0.0, 0.0, 1.0], L)
+
+
+def _write_momenta(
+    system: System, scene: Scene, state: Array, omega: Array, rates: Array, slip: Array
+) -> None:
+    """Write the momenta of velocities into a robot's state, in the present modes.
 
     omega: of the carrier without the spin of a rubber shell, in its axes [rad/s]; rates (h,);
     slip (3,): along X and Y [m/s], and the spin [rad/s].
     """
-    scene, count = system.scene, system.count
+    count = system.count
     to_world, angles = rotation_matrix(state[:4]), state[HINGES : HINGES + count]
     one = scene.robot.states(to_world[None, 2], angles[None], omega[None], rates[None])
     moved, spin = to_world[:2].T @ slip[:2], slip[2] * to_world[2]
@@ -173,7 +210,7 @@ def write_momenta(system: System, state: Array, omega: Array, rates: Array, slip
     P = pushes @ one.u[:, 0] + pushes[:, :3] @ spin + scene.ball.mass * moved
     L = to_world @ momenta[:3]
     keeps = scene.rolling == "rubber" and not system.spins
-    state[MOMENTUM : MOMENTUM + 3] = [-L[1], L[0], 0.0] if keeps else L
+    state[MOMENTUM : MOMENTUM + 3] = across(L) if keeps else L
     free = ~system.machine.given[3 : 3 + count]
     state[HINGES + count : HINGES + 2 * count] = np.where(free, momenta[3:], 0.0)
     state[HINGES + 3 * count : HINGES + 3 * count + 2] = to_world[:2] @ P
@@ -181,10 +218,10 @@ def write_momenta(system: System, state: Array, omega: Array, rates: Array, slip
 
 def start_state(system: System) -> Array:
     """Return the state at the start of the scene, which may slip."""
-    state, scene = system.start(), system.scene
+    state = system.start()
     if system.slips:
-        slip = scene.start.slip
-        system.modes = system.modes._replace(slipping=bool(np.any(system.weights * slip)))
-        omega = scene.angular_velocity_at(scene.start)
-        write_momenta(system, state, omega, scene.hinged[1, 0], slip)
+        system.modes = system.modes._replace(slipping=system.scene.start.slips)
+        for scene, row in zip(system.scenes, _rows(system, state), strict=True):
+            omega, rates = scene.angular_velocity_at(scene.start), scene.hinged[1, 0]
+            _write_momenta(system, scene, row, omega, rates, scene.start.slip)
     return state

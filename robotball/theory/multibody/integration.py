@@ -90,8 +90,8 @@ def integrate(
     first = march(rtol)
     states, readings = first.run(times)
     hinges, times = len(scene.hinges), times[: len(states)]
-    events, values = first.system.slip_events, readings_of(readings, hinges)
-    slips = any(begins for _, begins in events) or bool(np.any(scene.start.slip))
+    values = readings_of(readings, hinges)
+    slipping = slip_intervals(first.system.slip_events, scene, float(times[-1]))
     return extended(
         _motion_of(whole, times, states, values),
         ReferenceMotion,
@@ -100,9 +100,9 @@ def integrate(
         motor_work=states[:, HINGES + 2 * hinges : HINGES + 3 * hinges],
         rolling_loss=states[:, LOSS],
         plane_work=states[:, -1] if scene.plane_moves else None,
-        slip=values.slip * (first.system.weights > 0) if slips else None,
-        slipping=slip_intervals(events, scene, float(times[-1])),
-        friction_loss=states[:, HINGES + 3 * hinges + 2] if slips else None,
+        slip=values.slip * (first.system.weights > 0) if slipping else None,
+        slipping=slipping,
+        friction_loss=states[:, HINGES + 3 * hinges + 2] if slipping else None,
         ended=_end_of_range(scene, first, len(times)),
     )
 

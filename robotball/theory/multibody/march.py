@@ -15,7 +15,7 @@ from robotball.motion import Progress
 from robotball.robot.loop import Loop, TrueReading
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, Steps, take_step
-from robotball.theory.friction import StiffSteps, follow, is_stiff, start_state
+from robotball.theory.friction import StiffSteps, across, follow, is_stiff, start_state
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT
 from robotball.theory.multibody.modes import begin_modes, hold_at_rest, margins_of, switch_modes
 from robotball.theory.multibody.system import System
@@ -200,6 +200,6 @@ class _Samples:
             for i, t in enumerate(times.tolist(), start=new.start):
                 self.readings[i] = self.system.numbers(t, self.states[i]).ravel()
             if self.system.spins:  # the states have L in place of M = γ×L
-                L = self.states[new, MOMENTUM : MOMENTUM + 3]
-                self.states[new, MOMENTUM : MOMENTUM + 3] = np.cross([0.0, 0.0, 1.0], L)
+                for states in np.split(self.states[new], len(self.system.scenes), axis=1):
+                    states[:, MOMENTUM : MOMENTUM + 3] = across(states[:, MOMENTUM : MOMENTUM + 3])
             self.done = new.stop

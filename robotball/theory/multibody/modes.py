@@ -6,6 +6,8 @@ joint reaches an end of its range, a motor reaches or leaves its torque limit, t
 resistance to rolling no longer holds the shell, or the shell begins to slip.
 """
 
+from operator import attrgetter
+
 import numpy as np
 
 from robotball.rotations import Array, rotation_matrix
@@ -23,8 +25,6 @@ from robotball.theory.plane import lift_off
 # The index of this margin; its event ends the rolling. The ranges of joints follow, which end the
 # motion, then the limited motors, a standing shell, and a sticking one.
 _LIFT_OFF = 0
-_NUDGE = 1e-6  # s, over which a shell that begins to roll shows its direction
-_NUDGES = 30  # iterations for this direction
 
 
 def margins_of(system: System, t: float, state: Array) -> Array:
@@ -97,25 +97,15 @@ def hold_at_rest(system: System, t: float, state: Array, readings: Readings) -> 
 def _let_go(system: System, t: float, state: Array) -> Array:
     """Set the mode of a standing shell that begins to roll, and return the state.
 
-    Resistance acts against the direction d in which the shell will roll, and d depends on the
-    resistance. The iteration looks for a d that is parallel to the acceleration with resistance
-    against d. It is damped with the acceleration without resistance, or it would overshoot. If the
-    load grows, d stays the direction opposite to the holding torque.
+    If the load grows, the direction stays opposite to the holding torque.
     """
     readings = system.readings(t, state)
     state = _with_momentum(system, t, state)
-    system.modes = system.modes._replace(standing=False, toward=np.zeros(3))
-
-    def rolling_ahead() -> Array:
-        return system.readings(t, state + _NUDGE * system.rate(t, state)).rolling
-
-    free = rolling_ahead()
+    system.modes = modes = system.modes._replace(standing=False, toward=np.zeros(3))
     toward = -readings.plane_torque * [1.0, 1.0, 0.0] / _holding_torque(readings)
-    system.modes = system.modes._replace(toward=toward)
-    for _ in range(_NUDGES):
-        to = float(np.linalg.norm(free)) * system.modes.toward + rolling_ahead()
-        if np.any(to):
-            system.modes = system.modes._replace(toward=to / np.linalg.norm(to))
+    friction.find_direction(
+        system, t, state, lambda d: modes._replace(toward=d), attrgetter("rolling"), toward
+    )
     return state
 
 

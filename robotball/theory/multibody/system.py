@@ -40,12 +40,9 @@ class System:
         self.scene, self.count = first, len(hinges)
         given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges] + [True] * 3)
         motors = np.stack([_laws_of(scene) for scene in scenes])
-        friction = first.friction
-        slide, spin = (np.inf if c is None else c for c in (friction.sliding, friction.torsional))
-        # Coefficients of the slip along X and Y and of the spin; inf if a component cannot slip.
-        self.friction = np.array([slide, slide, spin if first.rolling == "rubber" else np.inf])
+        self.friction = first.slip_limits
         self.weights = np.where(np.isfinite(self.friction), self.friction, 0.0)
-        self.slips = bool(self.weights.any())
+        self.slips = first.may_slip
         self.slip_events: list[tuple[float, bool]] = []  # time [s], and whether slip begins there
         self.size = HINGES + 3 * self.count + 3 * self.slips + first.plane_moves
         self.readings_size = PER_HINGE + 2 * self.count + motors.shape[1]
@@ -213,7 +210,6 @@ def _scale_of(scene: Scene) -> Array:
     momentum = scene.momentum_scale
     of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]
     of_plane = [energy] * scene.plane_moves
-    slips = scene.friction.sliding, scene.friction.torsional if scene.rolling == "rubber" else None
     push = momentum / scene.ball.radius
-    of_slip = [push, push, energy] * any(c is not None for c in slips)
+    of_slip = [push, push, energy] * scene.may_slip
     return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_slip, of_plane])

@@ -14,6 +14,7 @@ from robotball.robot.scene import Friction
 from robotball.rotations import Array, rotation_matrix
 from robotball.theory import friction
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT, readings_of
+from robotball.theory.multibody.integration import integrate_together
 from robotball.theory.multibody.march import March
 from robotball.theory.multibody.system import System
 from tests.messages import naming
@@ -256,6 +257,13 @@ def test_random_robots_slip_as_newton_and_euler_say() -> None:
             turned.turned = 0.01
             assert (off_by(turned, scene) or 0.0) > 1e-7
     assert compared > 10
+
+
+def test_robots_that_are_integrated_together_slip_alike() -> None:
+    """Two equal ones, of which the second has its momenta too; measured 2e-31, rounding."""
+    one, other = integrate_together([regular(0.3)] * 2, np.linspace(0.0, 1.0, 11), 1e-12)
+    assert np.abs(one.contact_point - other.contact_point).max() < 1e-15
+    assert np.abs(one.momentum - other.momentum).max() < 1e-15
 
 
 def energies(motion: rb.ReferenceMotion) -> Array:

@@ -118,7 +118,7 @@ def run(
         from robotball.engines.mujoco.adaptive import by_forward
 
         march = by_forward
-    assert model.compiled  # MuJoCo's compiler would call the callbacks that are set below
+    _ = model.compiled  # MuJoCo's compiler would call the callbacks that are set below
     with controlled(model) as control:
         data = model.start_data(scene)
         motion = observed(control.model, times, march(control, data, times), progress)

@@ -20,6 +20,7 @@ _EQUATIONS: dict[_Equations, str] = {
     "multibody": "robotball.theory.multibody.integration",
 }
 
+_COARSE, _MOST_COARSE = 1e-8, 5000  # rtol and steps of a motion of which only the slip is asked
 _CERTAIN = 0.9  # of the friction: a motion that needs less at its samples needs less in between
 
 
@@ -113,11 +114,21 @@ def integrate(
         if equations == "reduced" or not scene.may_slip:
             return run(chosen, scene)
         rolling = _rolling_motion(run, chosen, scene)
-        if rolling is not None and _grip(rolling) < _CERTAIN:
+        if rolling is not None and rolling.loads.grip(scene.slip_limits).max() < _CERTAIN:
             return rolling
         # Between the samples the friction may be exceeded, or it is.
         slipping = run("multibody", scene)
         return slipping if rolling is None or slipping.slip is not None else rolling
+
+
+def slips(scene: Scene) -> bool:
+    """Return whether a motion exceeds the friction of its scene; True if that is not known."""
+    if not scene.may_slip or scene.start.slips or scene.controller:  # a controller acts only once
+        return scene.may_slip
+    try:
+        return integrate(scene, rtol=_COARSE, max_steps=_MOST_COARSE).slip is not None
+    except InputError:
+        return True
 
 
 def _rolling_motion(
@@ -126,18 +137,10 @@ def _rolling_motion(
     """Return the motion with unlimited friction; None if the ball cannot roll so."""
     if scene.start.slips:
         return None
-    friction = replace(scene.friction, sliding=None, torsional=None)
     try:
-        return replace(run(name, replace(scene, friction=friction)), scene=scene)
+        return replace(run(name, scene.ideal), scene=scene)
     except InputError:  # such as a ball that lifts off, which may slip and stay on the plane
         return None
-
-
-def _grip(motion: ReferenceMotion) -> float:
-    """Return the largest part of the scene's friction that a rolling motion needs."""
-    slide, _, spin = motion.scene.slip_limits
-    shares = motion.loads.sliding_friction / slide, motion.loads.torsional_friction / spin
-    return float(np.linalg.norm(shares, axis=0).max())
 
 
 def _check_finite(motion: ReferenceMotion) -> None:

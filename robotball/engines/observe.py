@@ -201,8 +201,11 @@ class _Monitor:
         return np.asarray(np.abs(gained) > most + _ROUNDING * np.abs(angles))
 
     def _of_the_path(self, readings: Readings, elapsed: Array) -> list[Sign]:
-        """Return the faults of slip relative to path length, and of momentum."""
-        if not len(readings.time):
+        """Return the faults of slip relative to path length, and of momentum.
+
+        A ball may slip on a plane whose friction is limited.
+        """
+        if not len(readings.time) or self.scene.may_slip:
             return []
         scene, tolerance = self.scene, self.settings.error_tolerance
         slip = slip_with_spin(scene, readings.slip, readings.spin)

@@ -55,6 +55,11 @@ class Loads(Value):
         """The least torsional coefficient (n,) at which the shell does not spin [m]."""
         return _per_newton(np.abs(self.spin_torque), self.normal_force)
 
+    def grip(self, limits: Array) -> Array:
+        """Return the used part (n,) of a friction cone; limits (3,) as in `Scene.slip_limits`."""
+        slide, _, spin = limits
+        return np.hypot(self.sliding_friction / slide, self.torsional_friction / spin)
+
     @property
     def normal_force(self) -> Array:
         """The force (n,) of the plane on the shell along its normal [N]."""

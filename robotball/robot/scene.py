@@ -600,20 +600,29 @@ class Scene(Value):
         """Whether the friction of the plane is limited."""
         return bool(np.isfinite(self.slip_limits).any())
 
+    @property
+    def ideal(self) -> "Scene":
+        """The scene with unlimited friction, whose start does not slip."""
+        friction = replace(self.friction, sliding=None, torsional=None)
+        return replace(self, friction=friction, start=replace(self.start, slip=np.zeros(3)))
+
     @cached_property
     def keeps_momentum(self) -> bool:
-        """True if M is constant in space: balanced, on a level plane without rolling friction.
+        """True if M is constant in space: balanced, on a level plane that does not brake the ball.
 
-        The plane may move up and down.
+        The plane may move up and down. M is not constant if the ball rolls with resistance or
+        slips.
         """
-        return self.level and not self._off_centre and not self.friction.rolling
+        if self.friction.rolling or self.may_slip:
+            return False
+        return self.level and not self._off_centre
 
     def until(self, end: float) -> "Scene":
         """Return the scene of a run that ends at `end` [s]; its drives cover 0 to `end`.
 
         Raises InputError if a function of time jumps before the end.
         """
-        if self.steady:
+        if self.steady and not self.may_slip:
             return self
         scene = replace(self, duration=end)
         _ = scene.breakpoints  # raises before the run, not during it

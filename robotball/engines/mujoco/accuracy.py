@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from robotball.engines.equations import slips
 from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -21,6 +22,7 @@ from robotball.engines.mujoco.settings import (
     PRESETS,
     Resolved,
     Settings,
+    for_slip,
     recipe,
 )
 from robotball.engines.mujoco.special_limits import COST_MODEL
@@ -69,7 +71,7 @@ class _Search:
         self, scene: Scene, times: Array, accuracy: float, progress: Progress | None
     ) -> None:
         self.scene, self.times, self.accuracy, self.progress = scene, times, accuracy, progress
-        self.seconds, self.remaining = 0.0, 1.0
+        self.seconds, self.remaining, self.slips = 0.0, 1.0, slips(scene)
         # A ball at rest has no rate, but a duration.
         plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
@@ -112,6 +114,8 @@ class _Search:
             settings = replace(fine.report.settings, stop_at_fault=True)
             return self.result(replace(fine, report=replace(fine.report, settings=settings)), error)
         timestep = fine.report.timestep * self.refinement(error, self.order)
+        if self.slips:
+            return self.by_timestep(timestep, fine)
         if self.scene.load_varies:
             quicker = 2 * self.adaptive_seconds(_FINEST_RTOL) < self.rk4_seconds(timestep)
             unreachable = self.accuracy < _SOFT
@@ -218,6 +222,8 @@ class _Search:
     @property
     def order(self) -> float:
         """The power of the timestep in RK4's error."""
+        if self.slips:
+            return 1.0
         return _VARYING_ORDER if self.scene.load_varies else COST_MODEL.order
 
     @property
@@ -259,22 +265,24 @@ def checked(motion: ContactMotion) -> ContactMotion:
     """Return a motion, with a fault if runs with other steps show that it is inaccurate.
 
     Only runs of RK4 whose M may change are checked: elsewhere the change of M shows the error.
+    While a ball slips, the error is of first order.
     RK4's error goes with the 4th power of the timestep, and the contact's with its depth, which
     goes with its softness. A run with f times the timestep and f⁴ times the softness therefore
     differs by |f⁴ - 1| times the error of path and M. Runs with twice the timestep, which take half
     the time again, clear most runs. Half the timestep decides about the others.
     """
     report, scene, settings = motion.report, motion.scene, motion.report.settings
-    if scene.not_reduced is None or settings.accuracy or report.faults:
+    constant_momentum = scene.not_reduced is None and not scene.may_slip
+    if constant_momentum or settings.accuracy or report.faults:
         return motion
     assert isinstance(settings, Settings)
-    order = Resolved(scene, settings).integrator.order
-    if order != 4:
+    order = 1 if settings.slips else Resolved(scene, settings).integrator.order
+    if order != 4 and not settings.slips:
         return motion
     time, seconds = 0.0, report.total_seconds
     for factor, softer, part in _OTHER_STEPS:
         step, at = factor * report.timestep, _thinned(motion.times, factor * report.timestep)
-        changed = _in_steps(settings, step, softer)
+        changed = _in_steps(scene, settings, step, softer)
         other = run(build(scene, changed), at)
         measured = path_errors(other, motion) / motion.path_scale, momentum_errors(other, motion)
         ratio = other.report.timestep / report.timestep
@@ -289,18 +297,22 @@ def checked(motion: ContactMotion) -> ContactMotion:
     return replace(motion, report=replace(report, faults=(fault,), total_seconds=seconds))
 
 
-def _in_steps(settings: Settings, timestep: float, softer: float) -> Settings:
-    """Return settings with another timestep [s] and a contact that is `softer` times as deep."""
+def _in_steps(scene: Scene, settings: Settings, timestep: float, softer: float) -> Settings:
+    """Return settings with another timestep [s] and a contact that is `softer` times as deep.
+
+    The depth of the contact for slipping follows from the timestep.
+    """
+    unlimited = replace(settings, stop_at_fault=False, max_steps=2**31 - 1)
+    if settings.slips:
+        return replace(unlimited, **for_slip(scene, timestep, settings.error_tolerance))
     constant, ratio = settings.solref or (0.0, 0.0)
     longer = max(constant, 2 * timestep) if constant > 0 else constant
     deeper = (longer / constant) ** 2 if constant > 0 else 1.0
     return replace(
-        settings,
+        unlimited,
         timestep=timestep,
         softness=settings.softness * softer / deeper,
         solref=settings.solref and (longer, ratio),
-        stop_at_fault=False,
-        max_steps=2**31 - 1,
     )
 
 

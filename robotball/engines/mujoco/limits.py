@@ -116,7 +116,7 @@ class PlannedRun(Resolved):
     def plain(self) -> bool:
         """True if no law of `special_limits` applies."""
         scene, settings = self.scene, self.settings
-        if settings.adaptive or scene.load_varies or not scene.steady:
+        if settings.adaptive or settings.slips or scene.load_varies or not scene.steady:
             return False
         if settings.condim or settings.root == "frame" or not settings.start_in_equilibrium:
             return False
@@ -142,7 +142,7 @@ class PlannedRun(Resolved):
             return 0.0
         from robotball.engines.mujoco.linearised import fastest_rate
 
-        return fastest_rate(self.scene, self.hinges)
+        return fastest_rate(self.scene, self.hinges, self.settings.slips)
 
     @cached_property
     def axes(self) -> Array:
@@ -323,7 +323,9 @@ def contact_spring(plan: PlannedRun) -> LimitCheck | None:
     """
     if plan.integrator.friction_limit is None:
         return None
-    stiffness, damping = plan.normal_reference
+    # An impedance of d gives the contact the part d of the acceleration that its spring asks for.
+    d = plan.impedance
+    stiffness, damping = d * d * plan.normal_reference[0], d * plan.normal_reference[1]
     z = plan.timestep * np.roots([1.0, damping, stiffness])
     if plan.integrator.order == 4:
         growth = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24).max()
@@ -366,6 +368,8 @@ def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
         f"the ball will slip: sliding friction is {value:.4g}, and the motion needs {limit:.4g}: "
         "raise sliding_friction"
     )
+    if plan.settings.slips:
+        return None
     if plan.scene.friction.sliding is not None:
         warning, limit = _slipping("sliding", value), limit * _AT_LIMIT
     return LimitCheck(value, limit, warning, least=True)
@@ -374,9 +378,9 @@ def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
 def _slipping(kind: str, value: float) -> str:
     """Return the warning of a ball that slips because the scene limits its friction."""
     return (
-        f"the ball slips, because friction.{kind} is {value:.4g}: the contact of these settings "
-        "brakes a slip too weakly and may lose a fifth of the path; trust the equations, or raise "
-        f"friction.{kind}"
+        f"the ball slips, because friction.{kind} is {value:.4g}, and the contact of these "
+        "settings does not obey Coulomb's law: a preset such as balanced chooses one that does, "
+        f"unless a value of the contact is given; or raise friction.{kind}"
     )
 
 
@@ -385,7 +389,7 @@ def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
 
     With less the ball spins under drag, and does not roll as rubber does.
     """
-    if plan.scene.rolling != "rubber" or plan.condim < 4:
+    if plan.scene.rolling != "rubber" or plan.condim < 4 or plan.settings.slips:
         return None
     value, limit = plan.friction[1], plan.loads.torsional_friction.max()
     warning = (

@@ -17,7 +17,7 @@ from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.errors import InputError
 from robotball.robot.ball import Frame, Rotor
 from robotball.robot.loads import Loads
-from robotball.robot.scene import Friction, MovedHinge, Scene
+from robotball.robot.scene import MovedHinge, Scene
 from robotball.rotations import Array
 
 # Half step of central differences, a velocity [m/s or rad/s] or an angle [rad]. Both its square and
@@ -34,7 +34,7 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
     """
     # With unlimited friction the loads show how much friction the motion needs.
     upright = recipe("look", settings.error_tolerance, timestep=settings.timestep)
-    model = build(replace(scene, friction=Friction()), replace(upright, drive=settings.drive))
+    model = build(scene.ideal, replace(upright, drive=settings.drive))
     compiled, data = model.compiled, model.start_data()
     with controlled(model):
         mujoco.mj_forward(compiled, data)
@@ -65,18 +65,20 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
     return loads, np.linalg.eigvals(np.vstack([turning, np.array(columns).T]))
 
 
-def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
+def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...], slips: bool) -> float:
     """Return the largest |λ| [1/s] of the hinges' motors about the start, with the ball rolling.
 
     H du/dt = -C u - K φ for the rates u of the shell and of the hinges with such a motor. C has the
     dampings or gains of motors and actuators, K their stiffnesses, and H is the robot's mass matrix
-    reduced to a rolling shell and constant rates of the other hinges. With pendulums it is the
-    largest over eight angles. At least one hinge has such a motor.
+    reduced to a rolling shell and constant rates of the other hinges. A shell that slips resists
+    them less. With pendulums it is the largest over eight angles. At least one hinge has such a
+    motor.
     """
     moved = [hinge for hinge in hinges if hinge.settles]
     gamma = scene.start.to_world[2]
     # A rubber shell does not spin about the vertical, so it turns about axes across γ only.
-    turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
+    spins = slips or scene.rolling == "classical"
+    turns = np.eye(3) if spins else np.linalg.svd(gamma[None])[2][1:]
     angles = np.stack([_angles(scene, hinge) for hinge in scene.hinges], axis=1)
     still, upright = np.zeros_like(angles), np.tile(gamma, (_ANGLES, 1))
     stands = scene.robot.states(upright, angles, np.zeros_like(upright), still)
@@ -91,8 +93,13 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
         ratios = np.array([gears.get(hinge.name, 0.0) for hinge in moved])
         stiffness = stiffness + actuator.law.per_angle * np.outer(ratios, ratios)
         damping = damping + actuator.law.per_rate * np.outer(ratios, ratios)
+    matrices = stands.matrix
+    if slips:
+        across = np.eye(3) - np.outer(gamma, gamma)
+        pushed = np.einsum("kl,kin,ljn->ijn", across, stands.pushes, stands.pushes)
+        matrices = np.concatenate([matrices, matrices - pushed / scene.ball.mass], axis=2)
     worst = 0.0
-    for matrix in stands.matrix.transpose(2, 0, 1):
+    for matrix in matrices.transpose(2, 0, 1):
         H = onto @ matrix[np.ix_(rows, rows)] @ onto.T
         back = np.linalg.solve(H, np.eye(free + n)[:, free:])
         # First order in (φ, u): springs act on the angles of hinges, dampers on their rates.
@@ -128,7 +135,7 @@ def momentum_loss(scene: Scene, timestep: float, duration: float) -> float:
     """
     count = duration / timestep
     steps = float(min(np.ceil(count), _MOST_STEPS))
-    model = build(replace(scene, friction=Friction()), recipe("look", 1.0, timestep=timestep))
+    model = build(scene.ideal, recipe("look", 1.0, timestep=timestep))
     with controlled(model) as control, np.errstate(all="ignore"):
         portions = by_steps(control, model.start_data(), np.array([0.0, steps * timestep]))
         M = np.concatenate([readings_of(model, portion.rows).momentum for portion in portions])

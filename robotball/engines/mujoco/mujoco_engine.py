@@ -12,7 +12,7 @@ from robotball.engines.engine import Engine, Request, Runner, as_own
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import precheck, run
-from robotball.engines.mujoco.settings import PRESETS, Settings
+from robotball.engines.mujoco.settings import PRESETS, Resolved, Settings
 from robotball.motion import ContactMotion, EngineSettings
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
@@ -38,11 +38,12 @@ class _MuJoCo(Engine):
 
             motion = reach(scene, times, request.accuracy, request.progress)
             chosen = motion.report.settings
-        settings = as_own(chosen, Settings, LABEL)
+        # Resolved once, because the choice of the recipe may integrate the motion.
+        settings = Resolved(scene, as_own(chosen, Settings, LABEL)).settings
         precheck(scene, settings, times, request.loads, strict=request.strict)
         if motion is None:
             motion = run(build(scene, settings), times, request.progress)
-        if scene.not_reduced is None:  # M is constant, and the monitor has checked it
+        if scene.not_reduced is None and not scene.may_slip:  # the monitor has checked M
             return motion
         from robotball.engines.mujoco.accuracy import checked
 

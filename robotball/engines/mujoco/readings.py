@@ -147,7 +147,7 @@ def own_faults(model: Model, rows: Array, readings: Readings) -> list[Sign]:
     saturated = (readings.friction_used > _SATURATED) & readings.touching
     torques = np.abs(readings.loads.motor_torques)
     return [
-        (saturated, Fault(kind.CONE_SATURATED, np.nan)),
+        *([] if model.scene.may_slip else [(saturated, Fault(kind.CONE_SATURATED, np.nan))]),
         *(
             (
                 torques[:, hinge.index] >= hinge.torque_limit * _AT_LIMIT,

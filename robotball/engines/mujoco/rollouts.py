@@ -58,7 +58,9 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     model, alone = build(scenes[0], settings), partial(_alone, settings, times)
     check_length(model.scene, model.settings, times)
     together = _Together(model, times)
-    if not (together.size >= 2 * allowed() and together.steps_alone and alike):
+    # Whether a ball slips, and so its contact, depends on its start.
+    same = alike and not model.scene.may_slip
+    if not (together.size >= 2 * allowed() and together.steps_alone and same):
         yield from of_each(alone, scenes)
         return
     if isinstance(scenes, FromStarts):

@@ -4,7 +4,8 @@ The contact carries the ball at a depth that depends on its load. Under a consta
 the start stays right, however soft the contact, and the recipe is CONSTANT. Under a varying load
 the centre moves, and the lever arm with it. A centre of mass off the sphere's centre also couples
 the normal force with friction, and three iterations of PGS no longer solve them; the recipe is
-VARYING. `Resolved` chooses between the two. Open settings are MuJoCo's defaults.
+VARYING. Both brake a slip of the ball slowly, so for a ball that exceeds the friction of its scene
+the recipe is `for_slip`. `Resolved` chooses among the three. Open settings are MuJoCo's defaults.
 """
 
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ import mujoco
 import numpy as np
 from msgspec import Meta
 
+from robotball.engines.equations import slips
 from robotball.errors import LARGEST, InputError, check_positive
 from robotball.motion import EngineSettings, preset_named
 from robotball.robot.motors import Servo
@@ -184,6 +186,15 @@ CONSTANT: dict[str, Any] = {
     "torsional_friction": Radii(20.0),
     # The path error goes as the load over the armature: 5e-9 at 1e8, rounding from 1e12 on.
     "drive": Prescribed(armature=1e14),
+    "impratio": None,
+    # Any tolerance above 0 is scaled with the armatures and stops the solver at once.
+    "tolerance": 0.0,
+    # The softness leaves a slip of 1.5e-3 of the path, which one iteration removes.
+    "noslip_iterations": 1,
+    # MuJoCo's largest: the depth and the slip of soft friction go as (1 - d)/d.
+    "solimp": (0.9999, 0.9999, 0.001, 0.5, 1.0),
+    # Slip decays at a fixed rate [1/s]; a rate proportional to 1/timestep costs an order.
+    "solreffriction": (-1.0, -0.5),
 }
 
 
@@ -258,6 +269,8 @@ class Settings(EngineSettings):
         starts just touching the plane.
     softness : float
         A factor of the softness of the contact's constraint. MJCF cannot express it.
+    slips : bool
+        Whether the contact is the recipe for a ball that slips, whose error is of first order.
     max_steps : int
         The largest number of steps of a run. A longer run is refused, or stopped if it is adaptive.
     drive : Servo or Prescribed
@@ -305,6 +318,7 @@ class Settings(EngineSettings):
     root: Literal["shell", "frame"] = "shell"
     start_in_equilibrium: bool = False
     softness: _Positive = 1.0
+    slips: bool = False
     max_steps: _AtLeastOne = MOST_STEPS
     drive: Servo | Prescribed
 
@@ -342,11 +356,7 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         **{"integrator": "RK4", **steps},
         # With so few rows a sparse Jacobian costs a tenth more per evaluation.
         jacobian="dense",
-        # Any tolerance above 0 is scaled with the armatures and stops the solver at once.
-        tolerance=0.0,
         ls_tolerance=0.01,
-        # The softness leaves a slip of 1.5e-3 of the path, which one iteration removes.
-        noslip_iterations=1,
         noslip_tolerance=0.0,
         # A pyramidal cone ignores solreffriction, and noslip treats its edges separately.
         cone="elliptic",
@@ -354,10 +364,6 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         warmstart="disable",
         # One contact is one island; the search for islands would take a twelfth of a step.
         island="disable",
-        # MuJoCo's largest: the depth and the slip of soft friction go as (1 - d)/d.
-        solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),
-        # Slip decays at a fixed rate [1/s]; a rate proportional to 1/timestep costs an order.
-        solreffriction=(-1.0, -0.5),
         # A ball that just touches has no normal force at first, which costs 1e-3 of the path.
         start_in_equilibrium=True,
         **dict.fromkeys(CONSTANT, _BY_LOAD),
@@ -463,22 +469,65 @@ _BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 _ON_MOVING_PLANE = (-1e6, -2e3)
 
 
+_SLIP_STEP = 2e-4  # s, in place of adaptive steps, which the contact for slipping would shorten
+# 1/s, impedance over timestep. MuJoCo's cone pushes a ball that slips at the speed u up with the
+# acceleration d·b·μ·u, b the damping of friction; more than g lifts it off.
+_SLIP_IMPEDANCE = 0.2
+_SLIP_DAMPING = 2.5  # over the timestep; RK4 is stable up to 2.785
+_SLIP_ERROR = 2.0  # 1/s, tolerance over timestep
+
+
+def for_slip(scene: Scene, step: float, own_tolerance: float) -> dict[str, Any]:
+    """Return the recipe for a ball that slips, in steps [s].
+
+    Three values must come together. The low impedance makes the contact a spring and damper, so
+    that MuJoCo's cone does not lift a ball that slips. The high impratio lets it stick all the
+    same. The damping of friction ends a slip in a step or two. In a slip friction is against the
+    slip that the ball will have after the time 1/damping, which is an error of first order.
+    """
+    d = float(np.clip(_SLIP_IMPEDANCE * step, mujoco.mjMINIMP, 1e-3))
+    lever = scene.ball.mass * scene.ball.radius**2
+    return CONSTANT | {
+        "solver": "Newton",
+        "iterations": 30,
+        # Both are needed: friction hardly acts on a hinge with a larger armature, and the solver
+        # stops too early with a larger tolerance.
+        "drive": Prescribed(armature=1e10 * lever),
+        "tolerance": 1e-16,
+        "noslip_iterations": 0,
+        "solimp": (d, d, 0.001, 0.5, 1.0),
+        "impratio": 1e5 / d,
+        # A critically damped spring of the period 2π·step, whatever the gravity.
+        "solref": (-1 / step**2, -2 / step),
+        "solreffriction": (-1.0, -_SLIP_DAMPING * d / step),
+        "slips": True,
+        "timestep": step,
+        "integrator": "RK4",
+        "rtol": None,
+        "error_tolerance": max(own_tolerance, _SLIP_ERROR * step),
+    }
+
+
 def _for_load(settings: Settings, scene: Scene) -> Settings:
     """Return the settings with the recipe's value for each one that is _BY_LOAD.
 
-    The recipe is CONSTANT if the scene's normal force is constant, else VARYING with the softness
-    and the time constant for the kind of steps.
+    The recipe is `for_slip` if the scene's friction is exceeded. Otherwise it is CONSTANT if the
+    normal force is constant, else VARYING with the softness and the time constant for the kind of
+    steps.
     """
     pending = [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
     if not pending:
         return settings
+    if len(pending) == len(CONSTANT) and slips(scene):
+        step = settings.timestep or _SLIP_STEP
+        return replace(settings, **for_slip(scene, step, settings.error_tolerance))
     chosen = CONSTANT
     if scene.load_varies:
         by_error = settings.adaptive and settings.timestep is None
         softness, constant = BY_ERROR if by_error else _BY_STEPS
         constant = max(constant, 2 * (settings.timestep or 0.0))
         solref = _ON_MOVING_PLANE if by_error and scene.plane_moves else (constant, 1.0)
-        chosen = VARYING | {"softness": softness, "solref": solref}
+        chosen = CONSTANT | VARYING | {"softness": softness, "solref": solref}
     return replace(settings, **{name: chosen[name] for name in pending})
 
 

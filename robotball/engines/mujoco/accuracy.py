@@ -304,7 +304,7 @@ def _in_steps(scene: Scene, settings: Settings, timestep: float, softer: float) 
     """
     unlimited = replace(settings, stop_at_fault=False, max_steps=2**31 - 1)
     if settings.slips:
-        return replace(unlimited, **for_slip(scene, timestep, settings.error_tolerance))
+        return for_slip(scene, unlimited, timestep)
     constant, ratio = settings.solref or (0.0, 0.0)
     longer = max(constant, 2 * timestep) if constant > 0 else constant
     deeper = (longer / constant) ** 2 if constant > 0 else 1.0

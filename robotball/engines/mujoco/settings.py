@@ -186,15 +186,6 @@ CONSTANT: dict[str, Any] = {
     "torsional_friction": Radii(20.0),
     # The path error goes as the load over the armature: 5e-9 at 1e8, rounding from 1e12 on.
     "drive": Prescribed(armature=1e14),
-    "impratio": None,
-    # Any tolerance above 0 is scaled with the armatures and stops the solver at once.
-    "tolerance": 0.0,
-    # The softness leaves a slip of 1.5e-3 of the path, which one iteration removes.
-    "noslip_iterations": 1,
-    # MuJoCo's largest: the depth and the slip of soft friction go as (1 - d)/d.
-    "solimp": (0.9999, 0.9999, 0.001, 0.5, 1.0),
-    # Slip decays at a fixed rate [1/s]; a rate proportional to 1/timestep costs an order.
-    "solreffriction": (-1.0, -0.5),
 }
 
 
@@ -356,7 +347,11 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         **{"integrator": "RK4", **steps},
         # With so few rows a sparse Jacobian costs a tenth more per evaluation.
         jacobian="dense",
+        # Any tolerance above 0 is scaled with the armatures and stops the solver at once.
+        tolerance=0.0,
         ls_tolerance=0.01,
+        # The softness leaves a slip of 1.5e-3 of the path, which one iteration removes.
+        noslip_iterations=1,
         noslip_tolerance=0.0,
         # A pyramidal cone ignores solreffriction, and noslip treats its edges separately.
         cone="elliptic",
@@ -364,6 +359,10 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         warmstart="disable",
         # One contact is one island; the search for islands would take a twelfth of a step.
         island="disable",
+        # MuJoCo's largest: the depth and the slip of soft friction go as (1 - d)/d.
+        solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),
+        # Slip decays at a fixed rate [1/s]; a rate proportional to 1/timestep costs an order.
+        solreffriction=(-1.0, -0.5),
         # A ball that just touches has no normal force at first, which costs 1e-3 of the path.
         start_in_equilibrium=True,
         **dict.fromkeys(CONSTANT, _BY_LOAD),
@@ -473,12 +472,12 @@ _SLIP_STEP = 2e-4  # s, in place of adaptive steps, which the contact for slippi
 # 1/s, impedance over timestep. MuJoCo's cone pushes a ball that slips at the speed u up with the
 # acceleration d·b·μ·u, b the damping of friction; more than g lifts it off.
 _SLIP_IMPEDANCE = 0.2
-_SLIP_DAMPING = 2.5  # over the timestep; RK4 is stable up to 2.785
+_SLIP_DAMPING = 0.9  # of the largest stable damping of friction
 _SLIP_ERROR = 2.0  # 1/s, tolerance over timestep
 
 
-def for_slip(scene: Scene, step: float, own_tolerance: float) -> dict[str, Any]:
-    """Return the recipe for a ball that slips, in steps [s].
+def for_slip(scene: Scene, settings: Settings, step: float) -> Settings:
+    """Return settings with the recipe for a ball that slips, in steps [s].
 
     Three values must come together. The low impedance makes the contact a spring and damper, so
     that MuJoCo's cone does not lift a ball that slips. The high impratio lets it stick all the
@@ -486,26 +485,37 @@ def for_slip(scene: Scene, step: float, own_tolerance: float) -> dict[str, Any]:
     slip that the ball will have after the time 1/damping, which is an error of first order.
     """
     d = float(np.clip(_SLIP_IMPEDANCE * step, mujoco.mjMINIMP, 1e-3))
+    integrator = "RK4" if settings.adaptive else settings.integrator or MUJOCOS_DEFAULT
+    damping = _SLIP_DAMPING * (INTEGRATORS[integrator].friction_limit or _EXPLICIT_REAL) / step
     lever = scene.ball.mass * scene.ball.radius**2
-    return CONSTANT | {
-        "solver": "Newton",
-        "iterations": 30,
-        # Both are needed: friction hardly acts on a hinge with a larger armature, and the solver
-        # stops too early with a larger tolerance.
-        "drive": Prescribed(armature=1e10 * lever),
-        "tolerance": 1e-16,
-        "noslip_iterations": 0,
-        "solimp": (d, d, 0.001, 0.5, 1.0),
-        "impratio": 1e5 / d,
+    return replace(
+        settings,
+        timestep=step,
+        integrator=integrator,
+        rtol=None,
+        error_tolerance=max(settings.error_tolerance, _SLIP_ERROR * step),
+        slips=True,
+        # A larger armature or tolerance stops the solver too early.
+        drive=Prescribed(armature=1e10 * lever),
+        tolerance=1e-16,
+        solver="Newton",
+        iterations=30,
+        noslip_iterations=0,
+        solimp=(d, d, 0.001, 0.5, 1.0),
+        impratio=1e6 / d,
         # A critically damped spring of the period 2π·step, whatever the gravity.
-        "solref": (-1 / step**2, -2 / step),
-        "solreffriction": (-1.0, -_SLIP_DAMPING * d / step),
-        "slips": True,
-        "timestep": step,
-        "integrator": "RK4",
-        "rtol": None,
-        "error_tolerance": max(own_tolerance, _SLIP_ERROR * step),
-    }
+        solref=(-1 / step**2, -2 / step),
+        solreffriction=(-1.0, -d * damping),
+        **{name: CONSTANT[name] for name in ("softness", "sliding_friction", "torsional_friction")},
+    )
+
+
+# Settings that `for_slip` replaces if they have the values of `recipe`.
+_OF_CONTACT = (
+    *("tolerance", "noslip_iterations", "solimp", "impratio", "solreffriction"),
+    *CONSTANT,
+)
+_RECIPE = recipe("", 1.0)
 
 
 def _for_load(settings: Settings, scene: Scene) -> Settings:
@@ -518,16 +528,15 @@ def _for_load(settings: Settings, scene: Scene) -> Settings:
     pending = [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
     if not pending:
         return settings
-    if len(pending) == len(CONSTANT) and slips(scene):
-        step = settings.timestep or _SLIP_STEP
-        return replace(settings, **for_slip(scene, step, settings.error_tolerance))
+    if all(getattr(settings, n) == getattr(_RECIPE, n) for n in _OF_CONTACT) and slips(scene):
+        return for_slip(scene, settings, settings.timestep or _SLIP_STEP)
     chosen = CONSTANT
     if scene.load_varies:
         by_error = settings.adaptive and settings.timestep is None
         softness, constant = BY_ERROR if by_error else _BY_STEPS
         constant = max(constant, 2 * (settings.timestep or 0.0))
         solref = _ON_MOVING_PLANE if by_error and scene.plane_moves else (constant, 1.0)
-        chosen = CONSTANT | VARYING | {"softness": softness, "solref": solref}
+        chosen = VARYING | {"softness": softness, "solref": solref}
     return replace(settings, **{name: chosen[name] for name in pending})
 
 

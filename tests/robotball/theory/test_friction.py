@@ -320,10 +320,3 @@ def test_a_start_that_slips_needs_friction() -> None:
         replace(scene, friction=Friction())
     with pytest.raises(rb.InputError, match=naming("spin 1~rad/s classical M")):
         replace(scene, start=replace(scene.start, slip=np.array([0.0, 0.0, 1.0])))
-
-
-def test_an_engine_warns_of_its_contact_if_the_ball_slips() -> None:
-    """The presets' contacts are made for rolling; measured 0.07 of the path over 3 s."""
-    with pytest.warns(rb.SceneWarning, match=naming("slips friction.sliding 0.3")):
-        motion = rb.simulate(regular(0.3), 0.5)
-    assert motion.report.faults[0].kind is rb.FaultKind.CONE_SATURATED

@@ -379,7 +379,7 @@ def test_a_warning_names_the_number_the_limit_and_the_remedy() -> None:
     with pytest.raises(rb.InputError, match=naming("slip")):
         rb.simulate(FIG12, times, settings=slippery, strict=True)
     slick = replace(worked("W2"), friction=Friction(sliding=0.02))
-    line = exceeded(slick, rb.preset("balanced"), slick.times)["sliding_friction"].warning
+    line = exceeded(slick, rb.preset("naive"), slick.times)["sliding_friction"].warning
     assert unnamed("friction.sliding 0.02", line) == []
     # A relative error is a percentage with two digits.
     lines = exceeded(FIG12, rb.preset("naive"), FIG12.times)
@@ -446,6 +446,8 @@ def checks() -> Iterator[tuple[str, LimitCheck]]:
     for scene in map(rb.load_scene, names):
         for settings in (rb.preset("naive"), rb.preset("adaptive"), recipe("x", 1e-2), other):
             yield from limit_checks(PlannedRun(scene, settings, 10.0)).items()
+    slick = replace(FIG12, friction=Friction(0.5, 0.5), duration=1.0)
+    yield from limit_checks(PlannedRun(slick, FAST, 1.0)).items()
 
 
 def test_every_limit_has_a_nearness_and_a_warning() -> None:

@@ -203,9 +203,10 @@ class Control:
         return self.steady and self.steps is None and self.loop is None
 
     def install(self) -> None:
-        """Let MuJoCo call `set` at every evaluation of the forces, unless controls are steady."""
+        """Let MuJoCo call `set` at every evaluation of the forces, unless it would set nothing."""
         # A call of Python takes 8 µs, and steady controls are in MjData already.
-        mujoco.set_mjcb_control(None if self.steady else self.set)
+        plain = self.steady and self.model.dry_friction is None
+        mujoco.set_mjcb_control(None if plain else self.set)
 
     def begin(self, data: mujoco.MjData, span: Sequence[float]) -> None:
         """Begin a smooth span of time [s] from the state of `data`, with the controls of its start.
@@ -239,8 +240,10 @@ class Control:
         return max(begin, min(t, end - _INSIDE))
 
     def set(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Set the controls of the hinges at the time of `data`."""
+        """Set the controls of the hinges at the time of `data`, and their dry friction."""
         data.ctrl[:] = controls_at(self.model.scene, self.model.hinges, self.inside(data.time))
+        if (friction := self.model.dry_friction) is not None:
+            data.qfrc_applied[FREE_QVEL:] = friction.torques(data.qvel[FREE_QVEL:])
 
     def fall(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set gravity, as the moving plane has it, at the time of `data`."""

@@ -17,6 +17,7 @@ from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.errors import InputError
 from robotball.robot.ball import Frame, Rotor
 from robotball.robot.loads import Loads
+from robotball.robot.motors import SLOW, Law
 from robotball.robot.scene import MovedHinge, Scene
 from robotball.rotations import Array
 
@@ -65,8 +66,12 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
     return loads, np.linalg.eigvals(np.vstack([turning, np.array(columns).T]))
 
 
-def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...], slips: bool) -> float:
+def fastest_rate(
+    scene: Scene, hinges: tuple[ModelHinge, ...], slips: bool, dry: bool = False
+) -> float:
     """Return the largest |λ| [1/s] of the hinges' motors about the start, with the ball rolling.
+
+    dry: with the damping of dry friction, which is largest at rest.
 
     H du/dt = -C u - K φ for the rates u of the shell and of the hinges with such a motor. C has the
     dampings or gains of motors and actuators, K their stiffnesses, and H is the robot's mass matrix
@@ -74,7 +79,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...], slips: bool) -> f
     them less. With pendulums it is the largest over eight angles. At least one hinge has such a
     motor.
     """
-    moved = [hinge for hinge in hinges if hinge.settles]
+    moved = [hinge for hinge in hinges if hinge.settles or (dry and hinge.law)]
     gamma = scene.start.to_world[2]
     # A rubber shell does not spin about the vertical, so it turns about axes across γ only.
     spins = slips or scene.rolling == "classical"
@@ -86,13 +91,18 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...], slips: bool) -> f
     free, n = len(turns), len(moved)
     onto = np.zeros((free + n, 3 + n))
     onto[:free, :3], onto[free:, 3:] = turns, np.eye(n)
+
+    def damping_of(law: Law) -> float:
+        return law.per_rate + dry * law.friction / SLOW
+
     laws = [hinge.law for hinge in moved if hinge.law]
-    stiffness, damping = map(np.diag, np.array([(law.per_angle, law.per_rate) for law in laws]).T)
+    stiffness = np.diag([law.per_angle for law in laws])
+    damping = np.diag([damping_of(law) for law in laws])
     for actuator in scene.actuators:
         gears = dict(actuator.gears)
         ratios = np.array([gears.get(hinge.name, 0.0) for hinge in moved])
         stiffness = stiffness + actuator.law.per_angle * np.outer(ratios, ratios)
-        damping = damping + actuator.law.per_rate * np.outer(ratios, ratios)
+        damping = damping + damping_of(actuator.law) * np.outer(ratios, ratios)
     matrices = stands.matrix
     if slips:
         across = np.eye(3) - np.outer(gamma, gamma)

@@ -20,8 +20,17 @@ from scipy.optimize import root_scalar
 from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
 from robotball.errors import InputError, mujoco_silent
 from robotball.robot.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
-from robotball.robot.drives import turns
-from robotball.robot.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
+from robotball.robot.drives import Drive, turns
+from robotball.robot.motors import (
+    Actuator,
+    Free,
+    Law,
+    Motor,
+    PositionServo,
+    Servo,
+    Torque,
+    dry_friction,
+)
 from robotball.robot.scene import MovedHinge, Scene
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 
@@ -96,6 +105,50 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     )
 
 
+@dataclass(frozen=True)
+class GearedMotor:
+    """A motor of a hinge, or an actuator; gears (h,): its ratios to the model's hinges."""
+
+    name: str
+    law: Law
+    command: Drive
+    gears: Array
+
+
+def motors_of(scene: Scene, hinges: tuple[ModelHinge, ...]) -> list[GearedMotor]:
+    """Return the motors of a model's hinges, then the actuators of its scene."""
+    places = dict(zip([hinge.name for hinge in hinges], np.eye(len(hinges)), strict=True))
+    motors = [GearedMotor(h.name, h.law, h.command, places[h.name]) for h in hinges if h.law]
+    for actuator, command in zip(scene.actuators, scene.controls, strict=True):
+        gears = np.sum([ratio * places[name] for name, ratio in actuator.gears], axis=0)
+        motors.append(GearedMotor(actuator.name, actuator.law, command, gears))
+    return motors
+
+
+@dataclass(frozen=True)
+class DryFriction:
+    """Dry friction of m motors on h hinges; sizes (m,) at high rates [N m], gears (m, h)."""
+
+    sizes: Array
+    gears: Array
+
+    def torques(self, rates: Array) -> Array:
+        """Return the torques (h,) on the hinges at their rates (h,) [rad/s]."""
+        return np.asarray(dry_friction(self.sizes, self.gears @ rates) @ self.gears)
+
+
+def friction_of(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> DryFriction | None:
+    """Return the dry friction that a run applies as torques; None if there is none.
+
+    Steps of first order keep MuJoCo's row, because short parts of them would not be accurate.
+    """
+    dry = [motor for motor in motors_of(resolved.scene, hinges) if motor.law.friction]
+    if not dry or resolved.integrator.order == 1:
+        return None
+    sizes = np.array([motor.law.friction for motor in dry])
+    return DryFriction(sizes, np.stack([motor.gears for motor in dry]))
+
+
 _ORIGIN, _Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
 _SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
@@ -146,9 +199,12 @@ class Model:
     @property
     def has_torque_limits(self) -> bool:
         """True if a motor of the model has a torque limit."""
-        limits = [hinge.torque_limit for hinge in self.hinges]
-        limits += [actuator.law.limit for actuator in self.scene.actuators]
-        return any(limit < np.inf for limit in limits)
+        return any(m.law.limit < np.inf for m in motors_of(self.scene, self.hinges))
+
+    @cached_property
+    def dry_friction(self) -> DryFriction | None:
+        """The dry friction that a run applies as torques."""
+        return friction_of(Resolved(self.scene, self.settings), self.hinges)
 
     def start_data(self, scene: Scene | None = None) -> mujoco.MjData:
         """Return MjData at the model's start, or at the start of a scene with the same ball."""
@@ -366,9 +422,9 @@ def _add_actuator(
     tendons: Element, actuators: Element, actuator: Actuator, joints: Mapping[str, str]
 ) -> None:
     """Add an actuator of the scene, on a joint or on a tendon that couples several joints."""
-    (first, *others), name = actuator.gears, actuator.name
-    if others:
-        tendon = _add(tendons, "fixed", name=name)
+    (first, *others), name, friction = actuator.gears, actuator.name, actuator.law.friction
+    if others or friction:
+        tendon = _add(tendons, "fixed", name=name, frictionloss=friction or None)
         for hinge, ratio in actuator.gears:
             _add(tendon, "joint", joint=joints[hinge], coef=ratio)
         on: dict[str, Any] = {"tendon": name}
@@ -416,6 +472,11 @@ def _compiled_model(xml: str, softness: float = 1.0) -> Any:
     return model
 
 
+def disable_friction(compiled: mujoco.MjModel) -> None:
+    """Remove MuJoCo's rows of dry friction from a compiled model."""
+    compiled.dof_frictionloss[:] = compiled.tendon_frictionloss[:] = 0.0
+
+
 def carrying_depth(resolved: Resolved, data: mujoco.MjData) -> float:
     """Return the depth [m] at which the contact carries the weight, for the margin of the pair.
 
@@ -434,8 +495,14 @@ def carrying_depth(resolved: Resolved, data: mujoco.MjData) -> float:
         # from the forces and magnifies their rounding until no depth is found.
         model.opt.noslip_iterations = 0
 
+    friction = friction_of(resolved, hinges_of(resolved.scene, resolved.settings))
+    if friction is not None:
+        disable_friction(model)
+
     def vertical_acceleration(margin: float) -> float:
         mujoco.mj_resetDataKeyframe(model, data, 0)
+        if friction is not None:
+            data.qfrc_applied[6:] = friction.torques(data.qvel[6:])
         model.pair_margin[0] = margin
         mujoco.mj_forward(model, data)
         return float(data.qacc[2])

@@ -27,10 +27,8 @@ from robotball.engines.mujoco.control import (
     read_row,
     state_of,
 )
-from robotball.engines.mujoco.model import Model
+from robotball.engines.mujoco.model import GearedMotor, Model, motors_of
 from robotball.motion import DIVERGED, Fault, FaultKind
-from robotball.robot.drives import Drive
-from robotball.robot.motors import Law
 from robotball.rotations import Array
 
 _LOOK = 64  # parts between two looks of the monitor; at most so many are taken after a fault
@@ -79,12 +77,9 @@ def step_in_parts(control: Control, data: mujoco.MjData, stretch: Stretch) -> It
 
 
 @dataclass(frozen=True)
-class _LimitedMotor:
-    """A motor with a torque limit and its numbers in MjModel; gears (h,): ratios to hinges."""
+class _LimitedMotor(GearedMotor):
+    """A motor with a torque limit and its numbers in MjModel."""
 
-    law: Law
-    command: Drive
-    gears: Array
     actuator: int
     gain: Array
     bias: Array
@@ -207,14 +202,9 @@ def at_limits(control: Control) -> Iterator[Steps]:
 
 def _limited(model: Model) -> Iterator[_LimitedMotor]:
     """Yield the limited motors, with copies of the numbers that switches overwrite."""
-    scene, compiled = model.scene, model.compiled
-    places = dict(zip([h.name for h in model.hinges], np.eye(len(model.hinges)), strict=True))
-    motors = [(h.name, h.law, h.command, places[h.name]) for h in model.hinges if h.law]
-    for actuator, command in zip(scene.actuators, scene.controls, strict=True):
-        gears = np.sum([ratio * places[name] for name, ratio in actuator.gears], axis=0)
-        motors.append((actuator.name, actuator.law, command, gears))
-    for name, law, command, gears in motors:
-        if law.limit < np.inf:
-            i = compiled.actuator(name).id
+    compiled = model.compiled
+    for motor in motors_of(model.scene, model.hinges):
+        if motor.law.limit < np.inf:
+            i = compiled.actuator(motor.name).id
             gain, bias = compiled.actuator_gainprm[i].copy(), compiled.actuator_biasprm[i].copy()
-            yield _LimitedMotor(law, command, gears, i, gain, bias)
+            yield _LimitedMotor(**vars(motor), actuator=i, gain=gain, bias=bias)

@@ -37,6 +37,13 @@ def controlled(model: Model) -> Iterator[Control]:
             control.forward, control.stops = resistance.forward, resistance.stop
             control.step = resistance.rk4 if integrator.order > 1 else resistance.first_order
             control.steps = resistance.steps(control.steps or control.whole)
+        if model.dry_friction is not None:
+            from robotball.engines.mujoco.dry_friction import Parts, without_rows
+
+            stack.enter_context(without_rows(model.compiled))
+            if integrator.own:
+                control.step = Parts(control, model.dry_friction).step
+                control.steps = control.steps or control.whole
         if model.scene.plane_moves:
             # The forces of gravity are computed before the control callback.
             stack.callback(mujoco.set_mjcb_passive, mujoco.get_mjcb_passive())

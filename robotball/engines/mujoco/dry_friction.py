@@ -1,0 +1,94 @@
+"""Dry friction of hinges as the torque of the equations, in place of MuJoCo's soft row.
+
+`frictionloss` brakes a rate with the row's time constant and not at once: before a load reverses
+the rate, the row already pushes along it for about 10 ms, at any timestep. The torque changes its
+sign within SLOW [rad/s], so steps are taken in parts there.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+
+from robotball.engines.mujoco.control import (
+    FREE_QVEL,
+    STATE,
+    Control,
+    TooManyPartsError,
+    state_of,
+)
+from robotball.engines.mujoco.linearised import fastest_rate
+from robotball.engines.mujoco.model import DryFriction, disable_friction
+from robotball.robot.motors import SLOW
+from robotball.rotations import Array
+
+_HIGH = 12.0 * SLOW  # rad/s: at a higher rate the torque is constant, to 1e-10 of it
+_CHANGE = 0.25 * SLOW  # rad/s: the largest change of a lower rate in a part
+STABLE = 2.0  # longest part times the rate at which friction stops a hinge; RK4 is stable to 2.785
+_AIM = 0.9  # of the allowed change
+_LEAST, _MOST = 0.1, 5.0  # of the last part
+
+
+@contextmanager
+def without_rows(compiled: mujoco.MjModel) -> Iterator[None]:
+    """Remove MuJoCo's rows of dry friction inside the block."""
+    rows = compiled.dof_frictionloss, compiled.tendon_frictionloss
+    sizes = [row.copy() for row in rows]
+    disable_friction(compiled)
+    try:
+        yield
+    finally:
+        for row, before in zip(rows, sizes, strict=True):
+            row[:] = before
+
+
+class Parts:
+    """Steps in parts, in which the rates of motors with dry friction change little if they are low.
+
+    At rates that are not low, a part is as long as the step.
+    """
+
+    def __init__(self, control: Control, friction: DryFriction) -> None:
+        model = control.model
+        self.take, self.gears, self.taken = control.step, friction.gears, 0
+        self.most = model.settings.max_steps
+        self.fastest = fastest_rate(model.scene, model.hinges, model.settings.slips, dry=True)
+
+    @np.errstate(all="ignore")  # a diverging state overflows before the monitor ends the run
+    def step(self, data: mujoco.MjData, length: float) -> None:
+        """Take one step of a length [s]. Leaves the sensors of the state before the step."""
+        remaining = part = length
+        rates, sensors = self._rates(data), None
+        while remaining > 0:
+            slope = 1 / np.cosh(np.abs(rates).min() / SLOW) ** 2
+            part = min(part, remaining, STABLE / (self.fastest * slope))
+            before = state_of(data)
+            self._take(data, part)
+            sensors = data.sensordata.copy() if sensors is None else sensors
+            after = self._rates(data)
+            used = self._used(rates, after)
+            if used > 1:
+                mujoco.mj_setState(data.model, data, before, STATE)
+            else:  # a NaN ends here too
+                remaining, rates = remaining - part, after
+            part *= float(np.clip(_AIM / used, _LEAST, _MOST))
+        data.sensordata[:] = sensors
+
+    def _take(self, data: mujoco.MjData, part: float) -> None:
+        self.taken += 1
+        if self.taken > self.most:
+            raise TooManyPartsError(
+                f"dry friction takes more than {self.most} parts of steps: raise max_steps"
+            )
+        self.take(data, part)
+
+    def _rates(self, data: mujoco.MjData) -> Array:
+        """Return the rates (m,) of the motors with friction [rad/s]."""
+        return np.asarray(self.gears @ data.qvel[FREE_QVEL:])
+
+    def _used(self, before: Array, after: Array) -> np.float64:
+        """Return the largest change of a rate over the allowed one."""
+        high = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) >= _HIGH)
+        allowed = np.maximum(np.abs(before) - _HIGH, _CHANGE)
+        return np.float64(np.where(high, 0.0, np.abs(after - before) / allowed).max())

@@ -167,6 +167,8 @@ class Control:
         Evaluates the forces.
     step : callable
         Takes one step.
+    friction : callable or None
+        Returns the torques (h,) of dry friction at the rates (h,) of the hinges.
     steps : callable or None
         Takes one step in parts. None if steps have no parts.
     stops : callable or None
@@ -188,6 +190,7 @@ class Control:
         self.span: Sequence[float] = (0.0, 0.0)
         self.forward: _Forward = _mujoco_forward
         self.step: Step = mujoco_step
+        self.friction: Callable[[Array], Array] | None = None
         self.planned = self.taken = 0
         self.steps: Steps | None = None
         self.stops: Callable[[mujoco.MjData], bool] | None = None
@@ -205,8 +208,7 @@ class Control:
     def install(self) -> None:
         """Let MuJoCo call `set` at every evaluation of the forces, unless it would set nothing."""
         # A call of Python takes 8 µs, and steady controls are in MjData already.
-        plain = self.steady and self.model.dry_friction is None
-        mujoco.set_mjcb_control(None if plain else self.set)
+        mujoco.set_mjcb_control(None if self.steady and self.friction is None else self.set)
 
     def begin(self, data: mujoco.MjData, span: Sequence[float]) -> None:
         """Begin a smooth span of time [s] from the state of `data`, with the controls of its start.
@@ -242,8 +244,8 @@ class Control:
     def set(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set the controls of the hinges at the time of `data`, and their dry friction."""
         data.ctrl[:] = controls_at(self.model.scene, self.model.hinges, self.inside(data.time))
-        if (friction := self.model.dry_friction) is not None:
-            data.qfrc_applied[FREE_QVEL:] = friction.torques(data.qvel[FREE_QVEL:])
+        if self.friction is not None:
+            data.qfrc_applied[FREE_QVEL:] = self.friction(data.qvel[FREE_QVEL:])
 
     def fall(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set gravity, as the moving plane has it, at the time of `data`."""

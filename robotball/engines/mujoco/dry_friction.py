@@ -51,7 +51,8 @@ class Parts:
 
     def __init__(self, control: Control, friction: DryFriction) -> None:
         model = control.model
-        self.take, self.gears, self.taken = control.step, friction.gears, 0
+        self.take, self.friction, self.taken = control.step, friction, 0
+        self.seen: list[Array] = []  # the motors' rates (m,) at the evaluations of a part
         self.most = model.settings.max_steps
         self.fastest = fastest_rate(model.scene, model.hinges, model.settings.slips, dry=True)
 
@@ -66,12 +67,11 @@ class Parts:
             before = state_of(data)
             self._take(data, part)
             sensors = data.sensordata.copy() if sensors is None else sensors
-            after = self._rates(data)
-            used = self._used(rates, after)
+            used = self._used(rates)
             if used > 1:
                 mujoco.mj_setState(data.model, data, before, STATE)
             else:  # a NaN ends here too
-                remaining, rates = remaining - part, after
+                remaining, rates = remaining - part, self.seen[-1]
             part *= float(np.clip(_AIM / used, _LEAST, _MOST))
         data.sensordata[:] = sensors
 
@@ -81,14 +81,22 @@ class Parts:
             raise TooManyPartsError(
                 f"dry friction takes more than {self.most} parts of steps: raise max_steps"
             )
+        self.seen.clear()
         self.take(data, part)
+        self.seen.append(self._rates(data))
+
+    def torques(self, rates: Array) -> Array:
+        """Return the torques (h,) on the hinges at their rates (h,) [rad/s]."""
+        self.seen.append(self.friction.gears @ rates)
+        return self.friction.torques(rates)
 
     def _rates(self, data: mujoco.MjData) -> Array:
         """Return the rates (m,) of the motors with friction [rad/s]."""
-        return np.asarray(self.gears @ data.qvel[FREE_QVEL:])
+        return np.asarray(self.friction.gears @ data.qvel[FREE_QVEL:])
 
-    def _used(self, before: Array, after: Array) -> np.float64:
-        """Return the largest change of a rate over the allowed one."""
-        high = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) >= _HIGH)
+    def _used(self, before: Array) -> np.float64:
+        """Return the largest change of a rate in the last part over the allowed one."""
+        seen = np.array(self.seen)
+        high = (np.sign(before) * seen >= _HIGH).all(axis=0) & (np.abs(before) >= _HIGH)
         allowed = np.maximum(np.abs(before) - _HIGH, _CHANGE)
-        return np.float64(np.where(high, 0.0, np.abs(after - before) / allowed).max())
+        return np.float64(np.where(high, 0.0, np.abs(seen - before).max(axis=0) / allowed).max())

@@ -41,8 +41,10 @@ def controlled(model: Model) -> Iterator[Control]:
             from robotball.engines.mujoco.dry_friction import Parts, without_rows
 
             stack.enter_context(without_rows(model.compiled))
+            control.friction = model.dry_friction.torques
             if integrator.own:
-                control.step = Parts(control, model.dry_friction).step
+                parts = Parts(control, model.dry_friction)
+                control.friction, control.step = parts.torques, parts.step
                 control.steps = control.steps or control.whole
         if model.scene.plane_moves:
             # The forces of gravity are computed before the control callback.

@@ -55,8 +55,9 @@ class Change:
     ----------
     name, words : str
         A name, and the fault that the change removes.
-    option, pair : dict
-        New attributes of the option, and of the contact pair of sphere and plane.
+    option, pair, joint : dict
+        New attributes of the option, of the contact pair of sphere and plane, and of the joints
+        without a default class.
     exclude : tuple of (str, str)
         Bodies that pass through one another.
     start : bool
@@ -69,6 +70,7 @@ class Change:
     pair: Mapping[str, str] = field(default_factory=dict)
     exclude: tuple[tuple[str, str], ...] = ()
     start: bool = False
+    joint: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -108,10 +110,12 @@ class Editable:
         pair = dict(self.pair)
         contact = []
         for change in changes:
-            if change.option or change.start:
+            if change.option or change.start or change.joint:
                 yield _comment(change)
             if change.option:
                 yield f"<option{_attributes(change.option)}/>"
+            if change.joint:
+                yield f"<default><joint{_attributes(change.joint)}/></default>"
             if change.pair or change.exclude:
                 contact.append(f"  {_comment(change)}")
             pair |= change.pair

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
+from robotball.engines.mujoco.model import friction_reference
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, recipe
 from robotball.engines.mujoco.user_model import UserModel, wrenches
 from robotball.errors import counted
@@ -61,7 +62,7 @@ def proposals(seen: Observation, edit: Editable, step: float) -> list[Change]:
     """
     laws = (
         _contacts, _gain, _start, _solver, _condim, _cone, _friction, _integrator,
-        partial(_timestep, step=step), _softness, _noslip,
+        partial(_timestep, step=step), _softness, _noslip, partial(_frictionloss, step=step),
     )  # fmt: skip
     changes = [change for law in laws for change in law(seen)]
     if seen.option.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
@@ -223,6 +224,14 @@ def _noslip(seen: Observation) -> Iterator[Change]:
     if seen.option.noslip_iterations < 1:
         words = "friction is regularized and creeps; no iterations remove the slip"
         yield Change("noslip", words, option={"noslip_iterations": "3"})
+
+
+def _frictionloss(seen: Observation, step: float) -> Iterator[Change]:
+    """Dry friction is a soft row, which acts along a rate before a load reverses it."""
+    if np.any(seen.user.robot.model.dof_frictionloss):
+        hard = friction_reference(min(step, seen.option.timestep))
+        words = "frictionloss is soft and acts along a rate shortly before a load reverses it"
+        yield Change("frictionloss", words, joint={"solreffriction": _digits(*hard)})
 
 
 def _overriding(change: Change) -> Change:

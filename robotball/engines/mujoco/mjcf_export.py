@@ -136,6 +136,11 @@ def _words(model: Model, needs: str | None) -> list[str]:
             f"{scene.friction.rolling:g} m times the normal force on the shell, against its "
             "horizontal angular velocity."
         )
+    if model.dry_friction is not None:
+        lines.append(
+            "Dry friction: frictionloss is a soft row, which acts along a rate shortly before a "
+            "load reverses it. robotball applies a torque of the same size instead."
+        )
     if settings.start_in_equilibrium:
         lines.append("Margin: the depth at which the contact carries the ball at its radius.")
     lines.append(

@@ -154,6 +154,7 @@ _SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
 
 _PARTS = {Shell: "shell", Frame: "frame", Rotor: "rotor", Pendulum: "pendulum", Link: "pendulum"}
+ROW_DAMPING = 1.8  # of a row of dry friction, times the timestep; MuJoCo divides it by 0.95
 _LEAST = 1e-14  # kg and kg m², ten times MuJoCo's least mass and inertia
 _SECTIONS = ("option", "worldbody", "contact", "tendon", "actuator", "sensor", "keyframe")
 _FRICTIONS = {3: 2, 4: 3, 6: 5}  # the number of friction coefficients by condim
@@ -287,8 +288,10 @@ def _compose(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Elemen
             inertia = link.inertia + least * np.eye(3)
             _inertial(body, link.mass + least, inertia, link.centre - link.pivot)
         turning["frame" if name == "shell" else name] = (body, axis)
+    # Like the contact's, the default of a newcomer's joint stays.
+    dry = settings.solreffriction and friction_reference(resolved.option("timestep"))
     for hinge in hinges:
-        _add_hinge(actuators, hinge, *turning[hinge.name])
+        _add_hinge(actuators, hinge, *turning[hinge.name], dry)
 
     joints = {hinge.name: hinge.joint for hinge in hinges}
     for actuator in scene.actuators:
@@ -372,16 +375,31 @@ def _inertial(body: Element, mass: float, inertia: Array, centre: Array = _ORIGI
     _add(body, "inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
 
 
-def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array) -> None:
+def friction_reference(timestep: float) -> tuple[float, float]:
+    """Return the solreffriction of a row of dry friction, whose error goes as 1/damping.
+
+    The damping is the largest at which all integrators are stable.
+    """
+    return 0.0, -ROW_DAMPING / timestep
+
+
+def _add_hinge(
+    actuators: Element,
+    hinge: ModelHinge,
+    body: Element,
+    axis: Array,
+    reference: tuple[float, float] | None,
+) -> None:
     """Add the joint of `body`, with an actuator unless the hinge is free."""
     slides, motor = hinge.body.slides, hinge.actuation
     # The armature acts on the hinge alone and adds no angular momentum.
     kind, armature = "slide" if slides else "hinge", motor.armature or None
     joint = _add(body, "joint", name=hinge.joint, type=kind, axis=axis, armature=armature)
+    if hinge.law and hinge.law.friction:
+        _set(joint, frictionloss=hinge.law.friction, solreffriction=reference)
     if isinstance(motor, Free):
         rest = motor.rest if slides else np.degrees(motor.rest)
         _set(joint, damping=motor.damping, stiffness=motor.stiffness, springref=rest)
-        _set(joint, frictionloss=motor.friction or None)
         return
     on = {"name": hinge.name, "joint": hinge.joint}
     if isinstance(motor, Servo):
@@ -395,7 +413,6 @@ def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array
         actuator = _add(actuators, "motor", **on, gear=gear)
     else:
         actuator = _add_law(actuators, motor.law, **on)
-        _set(joint, frictionloss=motor.law.friction or None)
     _limit(actuator, hinge.torque_limit)
 
 
@@ -422,15 +439,17 @@ def _add_actuator(
     tendons: Element, actuators: Element, actuator: Actuator, joints: Mapping[str, str]
 ) -> None:
     """Add an actuator of the scene, on a joint or on a tendon that couples several joints."""
-    (first, *others), name, friction = actuator.gears, actuator.name, actuator.law.friction
-    if others or friction:
-        tendon = _add(tendons, "fixed", name=name, frictionloss=friction or None)
+    (first, *others), name, law = actuator.gears, actuator.name, actuator.law
+    if law.friction and law.limit < np.inf:
+        raise InputError(f"{name}: MuJoCo takes dry friction or a torque limit, not both")
+    if others or law.friction:
+        tendon = _add(tendons, "fixed", name=name, frictionloss=law.friction or None)
         for hinge, ratio in actuator.gears:
             _add(tendon, "joint", joint=joints[hinge], coef=ratio)
         on: dict[str, Any] = {"tendon": name}
     else:
         on = {"joint": joints[first[0]], "gear": first[1]}
-    _limit(_add_law(actuators, actuator.law, name=name, **on), actuator.law.limit)
+    _limit(_add_law(actuators, law, name=name, **on), law.limit)
 
 
 def _add_sensors(sensors: Element, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:

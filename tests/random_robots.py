@@ -7,7 +7,16 @@ import numpy as np
 from robotball.robot.ball import Ball, Frame, Hinge, Hung, Link, Pendulum, Rotor, Shell
 from robotball.robot.drives import Sine
 from robotball.robot.formulas import Rolling
-from robotball.robot.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
+from robotball.robot.motors import (
+    Actuator,
+    DCMotor,
+    Free,
+    Law,
+    Motor,
+    PositionServo,
+    Servo,
+    Torque,
+)
 from robotball.robot.scene import Scene, Start
 from tests.random_balls import cloud_inertia, random_axis
 from tests.robots import turning
@@ -81,6 +90,47 @@ def random_scene(rng: np.random.Generator, rolling: Rolling | None = None) -> Sc
     )
     angles, initial_rates = rng.uniform(-1, 1, hinges), rng.uniform(-1, 1, hinges)
     return turning(scene.with_hinges(angle=angles, rate=initial_rates), rng.normal(size=3))
+
+
+def random_dry_robot(number: int) -> Scene:
+    """Return a robot of which every hinge has dry friction, in random motion for a second.
+
+    The friction is 0.3 to 30 % of the largest torque of a pendulum's weight.
+    """
+    rng = np.random.default_rng([54, number])
+    ball = random_robot(rng, int(rng.integers(2)), 1 + int(rng.integers(2)))
+    weight, unit = 1.2 * ball.radius, ball.radius**2  # N m and kg m², typical of a hinge
+    motors: list[Motor] = []
+    commands: list[float | Sine] = []
+    for _ in ball.hinges:
+        friction = weight * 10 ** rng.uniform(-2.5, -0.5)
+        armature = 0.005 * unit * rng.random()
+        if rng.random() < 0.6:
+            damping, stiffness = 0.02 * unit * rng.random(), weight * rng.random()
+            motors.append(Free(damping, stiffness, armature=armature, friction=friction))
+            commands.append(0.0)
+        else:
+            stall, speed = weight * rng.uniform(0.5, 2), rng.uniform(5, 20)
+            idle = friction / (friction + stall)
+            motors.append(
+                DCMotor(
+                    stall, speed, rotor_inertia=armature, no_load_current=idle, stall_current=1.0
+                )
+            )
+            amplitude, frequency = rng.uniform(0.2, 1), rng.uniform(0.3, 2)
+            commands.append(Sine(amplitude=amplitude, frequency=frequency))
+    attitude, hinges = rng.normal(size=4), len(ball.hinges)
+    scene = Scene(
+        name="dry",
+        title="",
+        source="",
+        ball=ball.with_hinges(command=commands, motor=motors),
+        rolling=MODELS[rng.integers(2)],
+        start=Start(attitude / np.linalg.norm(attitude), np.zeros(3)),
+        duration=1.0,
+    )
+    angles, rates = rng.uniform(-1, 1, hinges), rng.uniform(-1, 1, hinges)
+    return turning(scene.with_hinges(angle=angles, rate=rates), 0.5 * rng.normal(size=3))
 
 
 def random_tree(rng: np.random.Generator, framed: bool) -> Scene:

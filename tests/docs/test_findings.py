@@ -50,6 +50,13 @@ EXPECTED = {
         "Newton, 1 kg: 4.1e-4 4.25e-4; Newton and noslip, 1 kg: 3.6e-4 3.75e-4; "
         "PGS, 1 kg: 4.1e-4 4.25e-4; Newton, 1e+06 kg: 4.1e-4 4.25e-4; "
         "Newton and noslip, 1e+06 kg: 4.1e-4 4.25e-4; PGS, 1e+06 kg: 2.99 3.01",
+    "mujoco_dry_friction":
+        "default, 5 ms, along [ms]: 15 15; default, 5 ms, error: 8.8e-3 8.93e-3; "
+        "hard, 5 ms, along [ms]: 10 10; hard, 5 ms, error: 1.7e-3 1.9e-3; "
+        "default, 1 ms, along [ms]: 11 11; default, 1 ms, error: 8.8e-3 8.93e-3; "
+        "hard, 1 ms, along [ms]: 2 2; hard, 1 ms, error: 5.1e-4 5.4e-4; "
+        "default, 0.2 ms, along [ms]: 10.5 11; default, 0.2 ms, error: 8.8e-3 8.93e-3; "
+        "hard, 0.2 ms, along [ms]: 0.1 0.5; hard, 0.2 ms, error: 7.5e-5 8e-5",
     "mujoco_euler_growth":
         "Euler, momentum: 2.1 2.25; Euler, warnings: 0 0; "
         "RK4, momentum: 0.999999998 0.9999999999; RK4, warnings: 0 0",
@@ -164,3 +171,37 @@ def test_every_script_has_expected_values_and_a_row_on_the_page() -> None:
         assert {"expected: ", "version: "} <= set(re.findall(r'^print\("(\w+: )', text, re.M)), name
     reports = {file.stem for file in (FOLDER / "reports").glob("*.md")}
     assert reports == {name for name in scripts if f"see reports/{name}.md" in scripts[name]}
+
+
+SLIDE = """<mujoco><option timestep="1e-4" integrator="RK4" gravity="{} 0 0"/><worldbody><body>
+<joint name="slide" type="slide" axis="1 0 0" {}/><geom size="1" mass="1"/></body></worldbody>{}
+</mujoco>"""
+EQUALITY = '<equality><joint joint1="slide"/></equality>'
+
+
+def test_the_page_says_what_soft_rows_cost() -> None:
+    """With a load of 10 m/s², and with a limit that is met at 1 m/s."""
+    mujoco = pytest.importorskip("mujoco")
+    page = " ".join((FOLDER.parent / "findings.md").read_text().split())
+
+    def states(load: float, joint: str, equality: str = "", rate: float = 0.0) -> list[list[float]]:
+        model = mujoco.MjModel.from_xml_string(SLIDE.format(load, joint, equality))
+        data, rows = mujoco.MjData(model), []
+        data.qvel[0] = rate
+        for _ in range(5000):
+            mujoco.mj_step(model, data)
+            rows.append([float(data.qpos[0]), float(data.qvel[0])])
+        return rows
+
+    stop = 'range="-1 0" limited="true"'
+    given = [states(10, stop)[-1][0], states(10, "", EQUALITY)[-1][0]]
+    hit = states(0, stop, rate=1.0)
+    creep = states(10, 'frictionloss="20"')[-1][1]
+    assert given == pytest.approx([3.72e-4] * 2, rel=1e-2)
+    for said in (
+        f"gives way by {1e3 * given[0]:.2f} mm",
+        f"goes {1e3 * max(x for x, _ in hit):.1f} mm beyond",
+        f"rebounds at {-hit[-1][1]:.2f} m/s",
+        f"creeps at {1e3 * creep:.1f} mm/s",
+    ):
+        assert said in page

@@ -18,8 +18,8 @@ from robotball.engines.mujoco.control import (
     TooManyPartsError,
     state_of,
 )
-from robotball.engines.mujoco.linearised import fastest_rate
 from robotball.engines.mujoco.model import DryFriction, disable_friction
+from robotball.engines.mujoco.motor_rates import fastest_rate
 from robotball.robot.motors import SLOW
 from robotball.rotations import Array
 

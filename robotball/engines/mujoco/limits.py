@@ -140,7 +140,7 @@ class PlannedRun(Resolved):
         """The largest |λ| [1/s] of the motors; 0 if no motor settles."""
         if not any(hinge.settles for hinge in self.hinges):
             return 0.0
-        from robotball.engines.mujoco.linearised import fastest_rate
+        from robotball.engines.mujoco.motor_rates import fastest_rate
 
         return fastest_rate(self.scene, self.hinges, self.settings.slips)
 

@@ -192,14 +192,14 @@ def friction_parts(plan: PlannedRun) -> LimitCheck | None:
     if plan.integrator.order == 1 or not _dry_friction(plan):
         return None
     from robotball.engines.mujoco.dry_friction import STABLE
-    from robotball.engines.mujoco.linearised import fastest_rate
+    from robotball.engines.mujoco.motor_rates import fastest_rate
 
     fastest = fastest_rate(plan.scene, plan.hinges, plan.settings.slips, dry=True)
     cost = COST_MODEL.adaptive_step / _STABLE if plan.settings.adaptive else _PART / STABLE
     value = fastest * plan.duration * cost
     warning = (
-        f"dry friction may stop a hinge within {1 / fastest:.2g} s, and steps as short may take "
-        f"{value:.3g} s of time: give the hinge more armature, or less friction"
+        f"dry friction may stop a hinge at a rate of {fastest:.3g} 1/s, and steps as short may "
+        f"take {value:.3g} s of time: give the hinge more armature, or less friction"
     )
     return LimitCheck(value, _MINUTE, warning)
 

@@ -96,3 +96,12 @@ def test_a_steady_scene_is_exported_as_one_file(name: str) -> None:
     missing = "resistance to rolling, which robotball adds"
     assert missing not in comment
     assert missing in files_of(replace(scene, friction=Friction(rolling=0.01))).xml
+
+
+def test_an_exported_dry_hinge_has_the_hardest_row_and_a_remark() -> None:
+    """Other programs have no torque of friction. A newcomer's row stays MuJoCo's default."""
+    dry = rb.load_scene("fig12").with_hinges(motor={"rotor1": rb.Free(friction=0.01)})
+    for preset, hard in (("balanced", True), ("naive", False)):
+        xml = files_of(dry, rb.preset(preset)).xml
+        assert 'frictionloss="0.01"' in xml
+        assert ('solreffriction="0 -360"' in xml, "frictionloss is" in xml) == (hard, hard)

@@ -84,7 +84,7 @@ PLANTED = {
     "gear": ('name="drive"', 'name="drive" gear="100"'),
     "gear 2": ('name="drive"', 'name="drive" gear=".001"'),
     "gear 3": ('name="lean"', 'name="lean" gear=".001"'),
-    "frictionloss": ('name="axle"', 'name="axle" frictionloss=".02"'),
+    "frictionloss": ('name="axle"', 'name="axle" frictionloss=".2"'),
     "margin": (_SOLREF, 'margin=".02" ' + _SOLREF),
     "margin 2": (_SOLREF, 'margin=".005" ' + _SOLREF),
 }  # fmt: skip

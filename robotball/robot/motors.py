@@ -74,12 +74,11 @@ class Law(NamedTuple):
     def unlimited(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
         """Return the torque on the child [N m] without a limit."""
         free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
-        return free + self.at_rest + dry_friction(self.friction, rate)
+        return free + self.at_rest + self.dry_friction(rate)
 
-
-def dry_friction(size: _Scalar, rate: _Scalar) -> Any:
-    """Return the torque of dry friction [N m] at a rate [rad/s]; size: at high rates [N m]."""
-    return -size * np.tanh(rate / SLOW)
+    def dry_friction(self, rate: _Scalar) -> Any:
+        """Return the torque of dry friction on the child [N m] at a rate [rad/s]."""
+        return -self.friction * np.tanh(rate / SLOW)
 
 
 class Motor(Protocol):

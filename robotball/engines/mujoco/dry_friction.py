@@ -5,20 +5,11 @@ the rate, the row already pushes along it for about 10 ms, at any timestep. The 
 sign within SLOW [rad/s], so steps are taken in parts there.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import (
-    FREE_QVEL,
-    STATE,
-    Control,
-    TooManyPartsError,
-    state_of,
-)
-from robotball.engines.mujoco.model import DryFriction, disable_friction
+from robotball.engines.mujoco.control import FREE_QVEL, STATE, Control, TooManyPartsError, state_of
+from robotball.engines.mujoco.model import DryFriction
 from robotball.engines.mujoco.motor_rates import fastest_rate
 from robotball.robot.motors import SLOW
 from robotball.rotations import Array
@@ -28,19 +19,6 @@ _CHANGE = 0.25 * SLOW  # rad/s: the largest change of a lower rate in a part
 STABLE = 2.0  # longest part times the rate at which friction stops a hinge; RK4 is stable to 2.785
 _AIM = 0.9  # of the allowed change
 _LEAST, _MOST = 0.1, 5.0  # of the last part
-
-
-@contextmanager
-def without_rows(compiled: mujoco.MjModel) -> Iterator[None]:
-    """Remove MuJoCo's rows of dry friction inside the block."""
-    rows = compiled.dof_frictionloss, compiled.tendon_frictionloss
-    sizes = [row.copy() for row in rows]
-    disable_friction(compiled)
-    try:
-        yield
-    finally:
-        for row, before in zip(rows, sizes, strict=True):
-            row[:] = before
 
 
 class Parts:

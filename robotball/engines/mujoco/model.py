@@ -21,16 +21,7 @@ from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
 from robotball.errors import InputError, mujoco_silent
 from robotball.robot.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
 from robotball.robot.drives import Drive, turns
-from robotball.robot.motors import (
-    Actuator,
-    Free,
-    Law,
-    Motor,
-    PositionServo,
-    Servo,
-    Torque,
-    dry_friction,
-)
+from robotball.robot.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
 from robotball.robot.scene import MovedHinge, Scene
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 
@@ -127,14 +118,15 @@ def motors_of(scene: Scene, hinges: tuple[ModelHinge, ...]) -> list[GearedMotor]
 
 @dataclass(frozen=True)
 class DryFriction:
-    """Dry friction of m motors on h hinges; sizes (m,) at high rates [N m], gears (m, h)."""
+    """Dry friction of m motors on h hinges; gears (m, h)."""
 
-    sizes: Array
+    laws: tuple[Law, ...]
     gears: Array
 
     def torques(self, rates: Array) -> Array:
         """Return the torques (h,) on the hinges at their rates (h,) [rad/s]."""
-        return np.asarray(dry_friction(self.sizes, self.gears @ rates) @ self.gears)
+        moved = zip(self.laws, self.gears @ rates, strict=True)
+        return np.array([law.dry_friction(rate) for law, rate in moved]) @ self.gears
 
 
 def friction_of(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> DryFriction | None:
@@ -145,8 +137,7 @@ def friction_of(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> DryFricti
     dry = [motor for motor in motors_of(resolved.scene, hinges) if motor.law.friction]
     if not dry or resolved.integrator.order == 1:
         return None
-    sizes = np.array([motor.law.friction for motor in dry])
-    return DryFriction(sizes, np.stack([motor.gears for motor in dry]))
+    return DryFriction(tuple(m.law for m in dry), np.stack([motor.gears for motor in dry]))
 
 
 _ORIGIN, _Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
@@ -154,6 +145,8 @@ _SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
 
 _PARTS = {Shell: "shell", Frame: "frame", Rotor: "rotor", Pendulum: "pendulum", Link: "pendulum"}
+# The flag that removes MuJoCo's rows of dry friction.
+NO_ROWS = int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
 ROW_DAMPING = 1.8  # of a row of dry friction, times the timestep; MuJoCo divides it by 0.95
 _LEAST = 1e-14  # kg and kg m², ten times MuJoCo's least mass and inertia
 _SECTIONS = ("option", "worldbody", "contact", "tendon", "actuator", "sensor", "keyframe")
@@ -288,10 +281,11 @@ def _compose(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Elemen
             inertia = link.inertia + least * np.eye(3)
             _inertial(body, link.mass + least, inertia, link.centre - link.pivot)
         turning["frame" if name == "shell" else name] = (body, axis)
-    # Like the contact's, the default of a newcomer's joint stays.
-    dry = settings.solreffriction and friction_reference(resolved.option("timestep"))
     for hinge in hinges:
-        _add_hinge(actuators, hinge, *turning[hinge.name], dry)
+        _add_hinge(actuators, hinge, *turning[hinge.name])
+    if settings.solreffriction:  # without one, as in "naive", joints keep MuJoCo's default too
+        for joint in world.iterfind(".//joint[@frictionloss]"):
+            _set(joint, solreffriction=friction_reference(resolved.option("timestep")))
 
     joints = {hinge.name: hinge.joint for hinge in hinges}
     for actuator in scene.actuators:
@@ -383,20 +377,13 @@ def friction_reference(timestep: float) -> tuple[float, float]:
     return 0.0, -ROW_DAMPING / timestep
 
 
-def _add_hinge(
-    actuators: Element,
-    hinge: ModelHinge,
-    body: Element,
-    axis: Array,
-    reference: tuple[float, float] | None,
-) -> None:
+def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array) -> None:
     """Add the joint of `body`, with an actuator unless the hinge is free."""
     slides, motor = hinge.body.slides, hinge.actuation
     # The armature acts on the hinge alone and adds no angular momentum.
     kind, armature = "slide" if slides else "hinge", motor.armature or None
     joint = _add(body, "joint", name=hinge.joint, type=kind, axis=axis, armature=armature)
-    if hinge.law and hinge.law.friction:
-        _set(joint, frictionloss=hinge.law.friction, solreffriction=reference)
+    _set(joint, frictionloss=(hinge.law and hinge.law.friction) or None)
     if isinstance(motor, Free):
         rest = motor.rest if slides else np.degrees(motor.rest)
         _set(joint, damping=motor.damping, stiffness=motor.stiffness, springref=rest)
@@ -491,11 +478,6 @@ def _compiled_model(xml: str, softness: float = 1.0) -> Any:
     return model
 
 
-def disable_friction(compiled: mujoco.MjModel) -> None:
-    """Remove MuJoCo's rows of dry friction from a compiled model."""
-    compiled.dof_frictionloss[:] = compiled.tendon_frictionloss[:] = 0.0
-
-
 def carrying_depth(resolved: Resolved, data: mujoco.MjData) -> float:
     """Return the depth [m] at which the contact carries the weight, for the margin of the pair.
 
@@ -516,7 +498,7 @@ def carrying_depth(resolved: Resolved, data: mujoco.MjData) -> float:
 
     friction = friction_of(resolved, hinges_of(resolved.scene, resolved.settings))
     if friction is not None:
-        disable_friction(model)
+        model.opt.disableflags |= NO_ROWS
 
     def vertical_acceleration(margin: float) -> float:
         mujoco.mj_resetDataKeyframe(model, data, 0)

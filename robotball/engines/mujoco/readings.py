@@ -15,7 +15,7 @@ from robotball.engines.observe import Readings, Sign, attitudes, lengths
 from robotball.motion import DIVERGED, Fault, FaultKind
 from robotball.robot import formulas as eq
 from robotball.robot.loads import Loads
-from robotball.robot.motors import Free, dry_friction
+from robotball.robot.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
 # Sensors of coordinates and velocities, which show whether a state has diverged.
@@ -133,7 +133,7 @@ def _of_hinges(model: Model, rows: Array) -> Array:
         if isinstance(hinge.actuation, Free):
             torque = torque + hinge.actuation.torque(0.0, angle, rate)
         elif hinge.law:  # MuJoCo's actuators have no dry friction
-            torque = torque + dry_friction(hinge.law.friction, rate)
+            torque = torque + hinge.law.dry_friction(rate)
         values[:, :, hinge.index] = angle, rate, torque
     return values
 

@@ -355,15 +355,9 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
 
 
 _OF_ROBOTS = (
-    low_weight,
-    errors_added,
-    settling,
-    servo_gain,
-    friction_row,
-    friction_parts,
-    drive_seen,
+    low_weight, errors_added, settling, servo_gain, friction_row, friction_parts, drive_seen,
     servo_droop,
-)
+)  # fmt: skip
 _OF_CONTACTS = (
     late_friction,
     contact_dimension,

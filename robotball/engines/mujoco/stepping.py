@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from robotball.engines.mujoco.control import STATE, Control, Portion, Stretch, read_row, state_of
-from robotball.engines.mujoco.model import Model
+from robotball.engines.mujoco.model import NO_ROWS, Model
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.engines.observe import spans
 from robotball.errors import mujoco_silent
@@ -38,9 +38,11 @@ def controlled(model: Model) -> Iterator[Control]:
             control.step = resistance.rk4 if integrator.order > 1 else resistance.first_order
             control.steps = resistance.steps(control.steps or control.whole)
         if model.dry_friction is not None:
-            from robotball.engines.mujoco.dry_friction import Parts, without_rows
+            from robotball.engines.mujoco.dry_friction import Parts
 
-            stack.enter_context(without_rows(model.compiled))
+            option = model.compiled.opt
+            stack.callback(setattr, option, "disableflags", option.disableflags)
+            option.disableflags |= NO_ROWS
             control.friction = model.dry_friction.torques
             if integrator.own:
                 parts = Parts(control, model.dry_friction)

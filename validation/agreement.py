@@ -28,6 +28,7 @@ from robotball.rotations import Array
 
 if TYPE_CHECKING:
     from .sensitivity import Sensitivity
+    from .slip import Slip
 
 _LIMITED = (
     3.0  # a path error below this multiple of the reference error may be the reference's error
@@ -202,6 +203,13 @@ class Agreement(Value):
         from .sensitivity import sensitivity
 
         return sensitivity(self.engine, self.motion, self.theory)
+
+    @cached_property
+    def slip(self) -> "Slip | None":
+        """What limited friction does to the motion; None if it is enough for ideal rolling."""
+        from .slip import slip_of
+
+        return slip_of(self.theory, self.motion, self.engine)
 
     @cached_property
     def loop_growth(self) -> float | None:

@@ -145,6 +145,9 @@ class Run:
     controller: Annotated[str | None, Parameter(metavar="FILE.py:NAME")] = None
     """A controller (rb.Controller) in a Python file. The file is run, and the controller commands
     the scene's motors from the sensor readings."""
+    friction: Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="SLIDING,…")] = ()
+    """Friction of the plane: the sliding coefficient, and after a comma the torsional one in
+    metres. The ball slips if it needs more. Default: as in the scene, mostly without a limit."""
     engine: Annotated[str, Parameter(metavar="ENGINE")] = "mujoco"
     """The engine; 'robotball engines' lists them."""
     accuracy: Annotated[float | None, Parameter(metavar="ERROR")] = None
@@ -176,10 +179,10 @@ class Run:
         return replace(request, engine=elsewhere(request.engine, self.environments))
 
     def scene(self, name: str) -> Scene:
-        """Load a scene with the controls and the controller."""
+        """Load a scene with the controls, the controller and the friction."""
         from .results import controlled
 
-        return controlled(name, self.control, self.controller)
+        return controlled(name, self.control, self.controller, self.friction)
 
     def agreements(self, scenes: Sequence[Scene]) -> list[Agreement]:
         """Run each scene by each preset, with progress shown."""

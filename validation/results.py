@@ -23,6 +23,7 @@ from robotball import (
     Controller,
     Engine,
     EngineSettings,
+    Friction,
     InputError,
     Motion,
     Scene,
@@ -117,22 +118,42 @@ class _FromFile(Controller):
         return _controller_of, (self.text,)
 
 
-def controlled(name: str, texts: Sequence[str], controller: str | None = None) -> Scene:
-    """Load a scene with the controls of `controls_of` and a controller of `_controller_of`.
+def _friction_of(words: Sequence[str], scene: Scene) -> Friction:
+    """Return a scene's friction with other limits, given as the texts `sliding, torsional`."""
+    try:
+        sliding, *others = map(float, words)
+        (torsional,) = others or (None,)
+    except ValueError:  # also of more than two numbers
+        raise InputError(
+            "--friction takes the sliding coefficient, or SLIDING,TORSIONAL with the torsional one "
+            f"in metres, not {','.join(words)!r}"
+        ) from None
+    return replace(scene.friction, sliding=sliding, torsional=torsional)
 
-    They are appended to the name of the scene.
+
+def controlled(
+    name: str,
+    texts: Sequence[str] = (),
+    controller: str | None = None,
+    friction: Sequence[str] = (),
+) -> Scene:
+    """Load a scene with other controls, controller and friction.
+
+    The texts are those of `controls_of`, `_controller_of` and `_friction_of`. They are appended to
+    the name of the scene.
     """
     scene = load_scene(name, controls_of(texts))
     parts = [re.sub("=.*/", "=", text) for text in texts]  # without the folders of tables
     if controller is not None:
         scene = replace(scene, controller=_controller_of(controller))
         parts.append(re.sub(".*/", "", controller))
+    if friction:
+        scene = replace(scene, friction=_friction_of(friction, scene))
+        parts.append(f"friction-{'-'.join(friction)}")
     return replace(scene, name=file_name(scene.name, None, parts)) if parts else scene
 
 
-def scenes_of(
-    names: Sequence[str], controls: Sequence[str] = (), controller: str | None = None
-) -> dict[str, Scene]:
+def scenes_of(names: Sequence[str], load: Callable[[str], Scene] = controlled) -> dict[str, Scene]:
     """Load distinct scenes, given by catalog name or path, with distinct names.
 
     Files with the same name in different folders are named after the folder too, because their
@@ -140,7 +161,7 @@ def scenes_of(
     """
     # Two texts may name the same file.
     distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
-    scenes = [controlled(name, controls, controller) for name in distinct.values()]
+    scenes = [*map(load, distinct.values())]
     often = Counter(scene.name for scene in scenes)
     named: dict[str, Scene] = {}
     taken: set[str] = set()
@@ -195,7 +216,7 @@ def _option_words(name: str, value: Any) -> list[str]:
 
 def record(agreement: Agreement) -> Record:
     """Return an agreement as plain data; errors are None if the run broke off."""
-    report, sensitivity = agreement.report, agreement.sensitivity
+    report, sensitivity, slip = agreement.report, agreement.sensitivity, agreement.slip
     engine = agreement.motion.engine
     return {
         "scene": agreement.scene.name,
@@ -216,6 +237,7 @@ def record(agreement: Agreement) -> Record:
         "momentum_drift": known(agreement.momentum_error),  # its name in version 0.1
         "friction_used": known(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
+        "slip": None if slip is None else {**asdict(slip), "text": str(slip)},
         "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
         "agrees": agreement.agrees,
@@ -287,12 +309,15 @@ def show(records: Sequence[Record], console: Console) -> None:
         table.add_row(*names, *_row_numbers(row), _word(row), style=style)
         if row["verdict"] != "agrees":
             below.append((f"{row['scene']}, {row['preset']}: {row['verdict']}", style))
+        if row["slip"] is not None:
+            whose = f", {row['preset']}" if row["slip"]["of_settings"] else ""
+            below.append((f"{row['scene']}{whose}: {row['slip']['text']}", "dim"))
         if row["loop_growth"] is not None:
             below.append((f"{row['scene']}: {growth_of(row['loop_growth'])}", "dim"))
     print_whole(table, console)
     within = {row["preset"]: f"{row['tolerance']:g} ({row['preset']})" for row in records}
     console.print(_SYMBOLS + _NAIVE * ("naive" in within), style="dim", highlight=False)
-    for line, style in ((f"tolerance: {', '.join(within.values())}", "dim"), *below):
+    for line, style in ((f"tolerance: {', '.join(within.values())}", "dim"), *dict.fromkeys(below)):
         console.print(escape(line), style=style, soft_wrap=not console.is_terminal)
 
 

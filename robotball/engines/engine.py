@@ -18,7 +18,7 @@ from robotball.engines.equations import scene_of
 from robotball.errors import InputError, unknown, warn
 from robotball.motion import ContactMotion, EngineSettings, Label, Progress, preset_named
 from robotball.robot.loads import Loads
-from robotball.robot.scene import Scene, Times, times_of
+from robotball.robot.scene import Friction, Scene, Times, times_of
 from robotball.rotations import Array
 
 Runner = Callable[[Array, Scene], ContactMotion]
@@ -67,6 +67,10 @@ class Engine(Protocol):
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why the engine cannot roll this scene, in one line; None if it can."""
+        return None
+
+    def friction(self, scene: Scene, settings: EngineSettings) -> Friction | None:
+        """Return the friction of a scene's contact under settings; None if it is not known."""
         return None
 
     def run(self, scene: Scene, times: Array, request: "Request") -> ContactMotion:

@@ -16,6 +16,7 @@ from robotball.robot.scene import Friction
 from tests.messages import naming, unnamed
 from tests.robotball.theory.test_friction import regular, sphere
 from validation import compare
+from validation.results import controlled
 
 pytestmark = pytest.mark.core
 
@@ -117,3 +118,39 @@ def test_a_servo_that_a_slipping_shell_cannot_hold_is_predicted() -> None:
     assert not exceeded(scene, rb.preset("balanced"), times)
     line = exceeded(slipping, rb.preset("balanced"), times)["servo_gain"].warning
     assert unnamed("12.4 2.785", line) == []
+
+
+def test_the_distance_of_default_settings_is_split_into_friction_and_engine() -> None:
+    """fig12 over 2 s: friction 1 and 5 mm change the path by 0.42, MuJoCo is 0.28 off that path."""
+    slip = compare("fig12", 2.0, settings="naive").slip
+    assert slip is not None
+    assert (slip.sliding, slip.torsional, slip.of_settings) == (1.0, 0.005, True)
+    assert slip.needed_sliding == pytest.approx(1.155, abs=1e-3)
+    assert slip.needed_torsional == pytest.approx(1.873, abs=1e-3)
+    assert slip.by_friction == pytest.approx(0.42, abs=0.01)
+    assert slip.by_engine == pytest.approx(0.28, abs=0.03)
+    assert unnamed("1 1.15 0.005~m 1.87~m 0~to~2~s 42~% 28~%", str(slip)) == []
+
+
+def test_a_scenes_own_friction_is_told_with_what_ideal_rolling_needs() -> None:
+    """The engine is compared with the ball that slips, so its path error is not told again."""
+    agreement = compare(regular(0.3), 3.0, settings="fast")
+    slip = agreement.slip
+    assert slip is not None
+    assert slip.by_engine == agreement.path_error
+    assert unnamed("0.3 0.991 0~to~0.86~s 1.69~to~2.24~s 21~%", str(slip)) == []
+    assert compare(regular(1.1), 1.0, settings="fast").slip is None
+
+
+@pytest.mark.parametrize("text", [("x",), ("1", "0.5", "3")])
+def test_an_option_of_friction_that_is_not_one_or_two_numbers_is_refused(
+    text: tuple[str, ...],
+) -> None:
+    with pytest.raises(rb.InputError, match=naming("--friction SLIDING,TORSIONAL")):
+        controlled("fig12", friction=text)
+
+
+def test_an_option_of_friction_replaces_the_scenes_limits() -> None:
+    scene = controlled("fig12", friction=("1", "0.5"))
+    assert (scene.name, scene.friction) == ("fig12-friction-1-0.5", Friction(1.0, 0.5))
+    assert controlled("fig12", friction=("1",)).friction == Friction(1.0)

@@ -74,7 +74,7 @@ def compare(
         if name in presets and name not in catalog():
             several = ",".join([*run.preset, name])
             raise InputError(f"{name!r} is a preset and no scene: write --preset {several}")
-    loaded = scenes_of(scenes, run.control, run.controller)
+    loaded = scenes_of(scenes, run.scene)
     out = writable_folder(run.out)
     comparing = Comparing(requests, options.times_of(run.duration), run.strict, out, plots)
     found = compare_all(list(loaded.values()), comparing)
@@ -227,7 +227,7 @@ def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = Fal
 
     if not scenes:
         raise InputError("report needs a scene; `robotball scenes` lists the catalog")
-    loaded = list(scenes_of(scenes, run.control, run.controller).values())
+    loaded = list(scenes_of(scenes, run.scene).values())
     agreements = run.agreements(loaded)
     # The agreements of the first scene stand first, as many as each scene has.
     first = agreements[: len(agreements) // len(loaded)]

@@ -14,7 +14,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import precheck, run
 from robotball.engines.mujoco.settings import PRESETS, Resolved, Settings
 from robotball.motion import ContactMotion, EngineSettings
-from robotball.robot.scene import Scene
+from robotball.robot.scene import Friction, Scene
 from robotball.rotations import Array
 
 
@@ -29,6 +29,12 @@ class _MuJoCo(Engine):
     )
     as_it_comes = "naive"
     closes_loops = True
+
+    def friction(self, scene: Scene, settings: EngineSettings) -> Friction:
+        """Return the friction of a scene's contact under settings."""
+        resolved = Resolved(scene, as_own(settings, Settings, LABEL))
+        slide, spin, _ = resolved.friction
+        return Friction(slide, spin if resolved.condim > 3 else None)
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the scene's motion at times (n,) [s] from 0; fewer if the run broke off."""

@@ -1,0 +1,119 @@
+"""Split an engine's distance from ideal rolling into its friction's part and its own error."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from robotball import Engine, InputError, Motion, integrate
+from robotball.engines.mujoco.limits import percent
+from robotball.motion import ContactMotion, ReferenceMotion, path_error
+from robotball.robot.scene import Friction, Scene
+
+from .output import known
+
+_SHOWN = 3  # intervals of slip in a text
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A motion whose friction is less than ideal rolling needs.
+
+    Attributes
+    ----------
+    sliding, torsional : float or None, - and m
+        The coefficients of the contact. None if the coefficient has no limit.
+    needed_sliding, needed_torsional : float or None, - and m
+        The coefficients that ideal rolling needs. None if the ball cannot roll so.
+    intervals : sequence of (float, float), s
+        When a ball with this friction slips, by the equations.
+    by_friction : float or None
+        The path error of that ball against ideal rolling.
+    by_engine : float or None
+        The engine's path error against that ball. None if the engine's run broke off.
+    of_settings : bool
+        Whether the friction is the engine's default, and not the scene's.
+    """
+
+    sliding: float | None
+    torsional: float | None
+    needed_sliding: float | None
+    needed_torsional: float | None
+    intervals: Sequence[tuple[float, float]]
+    by_friction: float | None
+    by_engine: float | None
+    of_settings: bool
+
+    def __str__(self) -> str:
+        has, need = [], []
+        pairs = (
+            ("sliding friction", "", self.sliding, self.needed_sliding),
+            ("torsional friction", " m", self.torsional, self.needed_torsional),
+        )
+        for kind, unit, own, needed in pairs:
+            if own is not None:
+                has.append(f"{kind} is {own:.3g}{unit}")
+                need.append("" if needed is None else f"{needed:.3g}{unit}")
+        shown = [f"{begin:.3g} to {end:.3g} s" for begin, end in self.intervals[:_SHOWN]]
+        more = f" and {n} times more" if (n := len(self.intervals) - len(shown)) else ""
+        parts = [" and ".join(has)]
+        if all(need):
+            parts[0] += f", and rolling without slip needs {' and '.join(need)}"
+        parts.append(f"the ball slips from {', '.join(shown)}{more}")
+        if self.by_friction is not None:
+            parts.append(f"this friction alone changes the path by {percent(self.by_friction)}")
+        # Under the scene's own friction it is the path error of the table.
+        if self.of_settings and self.by_engine is not None:
+            parts.append(f"the engine is {percent(self.by_engine)} off the path with this friction")
+        return "; ".join(parts)
+
+
+def slip_of(theory: Motion, motion: ContactMotion, engine: Engine | None) -> Slip | None:
+    """Return the slip of a comparison; None if the friction suffices, or is not known.
+
+    The friction is the scene's, or else that of the engine's settings.
+    """
+    scene = theory.scene
+    if not isinstance(theory, ReferenceMotion) or scene.controller is not None:
+        return None
+    if theory.slip is not None:
+        return _slip(scene.friction, _integrated(scene.ideal, theory), theory, motion, False)
+    friction = engine.friction(scene, motion.report.settings) if engine else None
+    if friction is None:
+        return None
+    limits = replace(scene.friction, sliding=friction.sliding, torsional=friction.torsional)
+    limited = replace(scene, friction=limits)
+    if theory.loads.grip(limited.slip_limits).max() <= 1:
+        return None
+    slipping = _integrated(limited, theory)
+    if slipping is None or slipping.slip is None:
+        return None
+    return _slip(limits, theory, slipping, motion, True)
+
+
+def _integrated(scene: Scene, like: Motion) -> ReferenceMotion | None:
+    """Return a scene's motion at the times of another one; None if there is no such motion."""
+    try:
+        return integrate(scene, like.times)
+    except InputError:
+        return None
+
+
+def _slip(
+    friction: Friction,
+    ideal: Motion | None,
+    slipping: ReferenceMotion,
+    motion: ContactMotion,
+    of_settings: bool,
+) -> Slip:
+    """Return the slip of an ideal motion, the motion with friction, and an engine's motion."""
+    whole = len(motion.times) == len(slipping.times)
+    rubber = slipping.scene.rolling == "rubber"
+    return Slip(
+        sliding=friction.sliding,
+        torsional=friction.torsional if rubber else None,
+        needed_sliding=None if ideal is None else float(ideal.loads.sliding_friction.max()),
+        needed_torsional=None if ideal is None else float(ideal.loads.torsional_friction.max()),
+        intervals=slipping.slipping,
+        by_friction=None if ideal is None else path_error(slipping, ideal),
+        by_engine=known(path_error(motion, slipping)) if whole else None,
+        of_settings=of_settings,
+    )

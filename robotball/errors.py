@@ -49,6 +49,10 @@ class InputError(ValueError):
         super().__init__(_shortened(" ".join(words), _LONGEST_LINE))
 
 
+class EarlyEndError(InputError):
+    """Report that a motion ends early: the ball lifts off, or a joint meets its stop."""
+
+
 def _shortened(text: str, most: int) -> str:
     half = (most - 1) // 2
     return text if len(text) <= most else f"{text[:half]}…{text[-half:]}"

@@ -1,6 +1,5 @@
 """Integrate a scene with the equations of ideal rolling."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -8,9 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from robotball.errors import InputError, check_count, check_size, unknown
+from robotball.errors import EarlyEndError, InputError, check_count, check_size, unknown
 from robotball.motion import Progress, ReferenceMotion, arrays_of
 from robotball.robot.scene import Scene, Times, times_of
+from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL
 
 _Equations = Literal["reduced", "multibody"]
@@ -22,6 +22,9 @@ _EQUATIONS: dict[_Equations, str] = {
 
 _COARSE, _MOST_COARSE = 1e-8, 5000  # rtol and steps of a motion of which only the slip is asked
 _CERTAIN = 0.9  # of the friction: a motion that needs less at its samples needs less in between
+# The part of a motion whose friction is checked first, at so many times: a ball that slips in it is
+# not rolled to the end.
+_EARLY, _CHECKS = 1 / 16, 9
 
 
 def scene_of(scene: Scene | str | Path) -> Scene:
@@ -102,23 +105,38 @@ def integrate(
     if chosen not in [*_EQUATIONS]:
         raise unknown("set of equations", chosen, _EQUATIONS)
 
-    def run(name: _Equations, scene: Scene) -> ReferenceMotion:
+    def run(
+        name: _Equations, scene: Scene, times: Array, progress: Progress | None
+    ) -> ReferenceMotion:
         motion: ReferenceMotion = import_module(_EQUATIONS[name]).integrate(
             scene, times, rtol, max_steps, progress
         )
         _check_finite(motion)
         return motion
 
+    def half(begin: float) -> Progress | None:
+        return progress and (lambda part: progress(begin + part / 2))
+
     # Overflow is reported with the number that overflowed, not as NumPy's warning.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         if equations == "reduced" or not scene.may_slip:
-            return run(chosen, scene)
-        rolling = _rolling_motion(run, chosen, scene)
-        if rolling is not None and rolling.loads.grip(scene.slip_limits).max() < _CERTAIN:
+            return run(chosen, scene, times, progress)
+        if scene.start.slips:
+            return run("multibody", scene, times, progress)
+        try:
+            # A controller is not called for this, because it may have a state of its own.
+            if not scene.controller:
+                early = np.linspace(0.0, _EARLY * times[-1], _CHECKS)
+                if run(chosen, scene.ideal, early, None).loads.grip(scene.slip_limits).max() > 1:
+                    return run("multibody", scene, times, progress)
+            rolling = replace(run(chosen, scene.ideal, times, half(0.0)), scene=scene)
+        except EarlyEndError:  # a ball that slips may go on
+            return run("multibody", scene, times, progress)
+        if rolling.loads.grip(scene.slip_limits).max() < _CERTAIN:
             return rolling
         # Between the samples the friction may be exceeded, or it is.
-        slipping = run("multibody", scene)
-        return slipping if rolling is None or slipping.slip is not None else rolling
+        slipping = run("multibody", scene, times, half(0.5))
+        return rolling if slipping.slip is None else slipping
 
 
 def slips(scene: Scene) -> bool:
@@ -129,18 +147,6 @@ def slips(scene: Scene) -> bool:
         return integrate(scene, rtol=_COARSE, max_steps=_MOST_COARSE).slip is not None
     except InputError:
         return True
-
-
-def _rolling_motion(
-    run: Callable[[_Equations, Scene], ReferenceMotion], name: _Equations, scene: Scene
-) -> ReferenceMotion | None:
-    """Return the motion with unlimited friction; None if the ball cannot roll so."""
-    if scene.start.slips:
-        return None
-    try:
-        return replace(run(name, scene.ideal), scene=scene)
-    except InputError:  # such as a ball that lifts off, which may slip and stay on the plane
-        return None
 
 
 def _check_finite(motion: ReferenceMotion) -> None:

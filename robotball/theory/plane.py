@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from robotball.errors import InputError
+from robotball.errors import EarlyEndError, InputError
 from robotball.motion import Motion
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, uneven
@@ -73,9 +73,9 @@ def check_pressed(scene: Scene) -> None:
         raise lift_off(float(brentq(load, times[i - 1], times[i])) if i else 0.0)
 
 
-def lift_off(t: float) -> InputError:
+def lift_off(t: float) -> EarlyEndError:
     """Return the error of a ball that leaves the plane at t [s]."""
-    return InputError(
+    return EarlyEndError(
         f"the ball lifts off the plane at t = {t:.9g} s and stops rolling: shorten the motion, or "
         "move the bodies and the plane more gently"
     )

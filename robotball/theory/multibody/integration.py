@@ -5,7 +5,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from robotball.errors import InputError, warn
+from robotball.errors import EarlyEndError, InputError, warn
 from robotball.motion import Label, Motion, Progress, ReferenceMotion, extended
 from robotball.robot.drives import turns
 from robotball.robot.loads import Loads
@@ -121,12 +121,12 @@ def _end_of_range(scene: Scene, march: March, samples: int) -> str | None:
     interval = f"{low:g} to {high:g} {'m' if slides else 'deg'}"
     ended = f"{joint} reaches its range of {interval} at t = {t:.6g} s"
     if not t > 0:
-        raise InputError(
+        raise EarlyEndError(
             f"{scene.name}: {joint} starts at its stop, an end of {interval}, and is pushed "
             "against it: widen its range, or start it elsewhere"
         )
     if samples < 2:
-        raise InputError(
+        raise EarlyEndError(
             f"{scene.name}: {ended}, before the first sample: widen its range, or sample more often"
         )
     warn(f"{scene.name}: {ended}, where the motion ends")

@@ -11,10 +11,10 @@ While the shell slips, the state has the horizontal momentum P, and L in place o
 model. M is not constant then.
 """
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.integrate import Radau
 
 from robotball.errors import InputError
 from robotball.robot.scene import Scene
@@ -22,44 +22,36 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, Modes, Readings, readings_of
 from robotball.theory.multibody.system import System
 
-_STOPPED = 1e-10  # m/s, of |Wv|: a slower slip has ended
-_ONSET = 1e-9  # m/s, of |Wv|: up to it friction keeps the direction in which slip begins
-# m/s, of |Wv|: in a slower slip the direction of friction settles so fast that the equations are
-# stiff, and an implicit method takes the steps.
-_STIFF = 3e-3
-_STIFF_RTOL = 1e-10  # relative error of an implicit step, which is of order five
-_NUDGE, _ITERATIONS = 1e-6, 30  # s and steps of the search for the direction of a motion
+_FREE = np.zeros((1, 1, 3))  # `Modes.ahead` of a shell whose friction opposes its slip
+_STOPPED = 1e-8  # m/s, of |Wv|: a slower slip ends within a step of Euler
+# Slip is stiff if the direction of friction settles within _SETTLES seconds, and the slip speed
+# changes _SLOW times slower.
+_SETTLES, _SLOW = 1e-2, 3.0
+_NUDGE = 1e-6  # s, of a difference in time
+_ITERATIONS, _ALIKE = 30, 1e-9  # of the search for a direction, and its last change
 _MOST_EVENTS = 5000  # changes between stick and slip; more are chatter
 
 
-class StiffSteps:
-    """Steps of Radau IIA from a state (n,) at t to `end` [s], with the members of `Compensated`."""
-
-    def __init__(self, system: System, t: float, end: float, state: Array) -> None:
-        rtol, atol, first = _STIFF_RTOL, _STIFF_RTOL * system.scale, min(_NUDGE, (end - t) / 2)
-        self._radau = Radau(system.rate, t, state, end, rtol=rtol, atol=atol, first_step=first)  # type: ignore[arg-type]
-        self.t, self.state, self.next_step = t, self._radau.y, first
-        self.derivative = np.asarray(self._radau.f)
-
-    def step(self) -> str | None:
-        """Take a step. Returns why it could not be taken, else None."""
-        why: str | None = self._radau.step()
-        self.t, self.state, self.derivative = self._radau.t, self._radau.y, self._radau.f
-        return why
-
-    def within(self, times: Array) -> Array:
-        """Return states (m, n) at times (m,) in the last step."""
-        return np.asarray(self._radau.dense_output()(times)).T
+def is_stiff(system: System, speed: float, rate: float) -> bool:
+    """Return whether slip is stiff for its |Wv| [m/s] and the rate of |Wv| [m/s²]."""
+    # About the largest change of W dv/dt by a turn of friction, for an inertia of m/3.
+    a, scene = system.scene.ball.radius, system.scene
+    settling = 3 * scene.gravity * max((system.weights / [1.0, 1.0, a]).tolist()) ** 2
+    return speed < _SETTLES * settling and abs(rate) < settling / _SLOW
 
 
-def is_stiff(system: System, t: float, state: Array) -> bool:
-    """Return whether the shell slips so slowly that the equations are stiff."""
-    return system.modes.slipping and slip_speed(system, system.readings(t, state)) < _STIFF
+def direction(system: System, t: float, state: Array) -> Array:
+    """Return the directions of Wv (k, 3) of k robots that slip."""
+    if np.any(system.modes.ahead):
+        return np.broadcast_to(system.modes.ahead[:, 0], (len(system.scenes), 3))
+    system.rate(t, state)
+    slips = system.weights * system.slips_at_stages()[:, -1]
+    return np.asarray(slips / np.linalg.norm(slips, axis=1, keepdims=True))
 
 
 def slip_speed(system: System, readings: Readings) -> float:
     """Return |Wv| [m/s], with 0 for components that cannot slip."""
-    return float(np.linalg.norm(system.weights * readings.slip))
+    return math.hypot(*(system.weights * readings.slip).tolist())
 
 
 def grip(system: System, readings: Readings) -> float:
@@ -78,30 +70,40 @@ def begin(system: System, t: float, state: Array) -> Array:
     return slide(system, t, state) if grip(system, system.readings(t, state)) > 1 else state
 
 
-def follow(system: System, t: float, state: Array) -> Array:
-    """Return the state after a step of a slipping shell; the same object if the modes stay."""
-    modes, readings = system.modes, system.readings(t, state)
+def follow(
+    system: System, t: float, end: float, state: Array, readings: Readings
+) -> tuple[float, Array]:
+    """Return the time and the state after a step of a slipping shell; the same if it slips on.
+
+    end: of the smooth piece [s].
+    """
     if not readings.normal > 0:
         raise InputError(
             f"{system.scene.name}: the ball lifts off the plane or is jammed by its friction at "
             f"t = {t:.9g} s: shorten the motion, or lower friction.sliding"
         )
+    slip = system.weights * readings.slip
     speed = slip_speed(system, readings)
-    if np.any(modes.ahead):
-        if speed > _ONSET:
-            system.modes = modes._replace(ahead=np.zeros(3))
-            return state.copy()
-        if system.weights * readings.slip @ modes.ahead >= 0:
-            return state
-    elif speed > _STOPPED:
-        return state
+    if speed > _STOPPED:
+        return t, state
+    slopes = system.rate(t, state)
+    later = system.weights * system.readings(t, state + _NUDGE * slopes).slip
+    slower = float(slip @ (slip - later)) / (_NUDGE * speed)
+    if slower <= 0:
+        return t, state
+    rest = min(speed / slower, end - t)
+    return t + rest, _stick(system, t + rest, state + rest * slopes)
+
+
+def _stick(system: System, t: float, state: Array) -> Array:
+    """Set the mode of a shell that ceases to slip, and return the state."""
     # Friction ends the slip with an impulse at the contact, which changes neither L nor the momenta
     # along the hinges.
     held = state.copy()
     if system.spins:
         for row in _rows(system, held):
             row[MOMENTUM : MOMENTUM + 3] = across(row[MOMENTUM : MOMENTUM + 3])
-    system.modes = modes._replace(slipping=False, ahead=np.zeros(3))
+    system.modes = system.modes._replace(slipping=False, ahead=_FREE)
     if grip(system, system.readings(t, held)) > 1:
         return slide(system, t, held)
     _record(system, t, slips=False)
@@ -115,7 +117,7 @@ def slide(system: System, t: float, state: Array) -> Array:
     """
     toward = -_friction(system.readings(t, state)) / system.friction
     numbers, state = system.numbers(t, state), state.copy()
-    system.modes = system.modes._replace(slipping=True, ahead=np.zeros(3))
+    system.modes = system.modes._replace(slipping=True, ahead=_FREE)
     for scene, row, values in zip(system.scenes, _rows(system, state), numbers, strict=True):
         readings = readings_of(values, system.count)
         _write_momenta(system, scene, row, readings.omega, readings.rates, np.zeros(3))
@@ -125,7 +127,7 @@ def slide(system: System, t: float, state: Array) -> Array:
         system,
         t,
         state,
-        lambda d: modes._replace(ahead=d),
+        lambda d: modes._replace(ahead=d.reshape(1, 1, 3)),
         lambda r: system.weights * r.slip,
         toward,
     )
@@ -143,20 +145,26 @@ def find_direction(
 ) -> None:
     """Set the modes to the direction in which a shell begins to slip or to roll.
 
-    The plane's reaction is against the direction d, and depends on it: d is parallel to the
-    acceleration, of which `motion_of` gives the velocity after a moment. The iteration from the
-    guess, a unit vector, is damped with the acceleration without reaction, or it would overshoot.
+    The plane's reaction is against the direction d, and d is parallel to the acceleration, of which
+    `motion_of` gives the velocity after a moment. This is a + Cd, nearly with constant a and C.
+    guess: a unit vector.
     """
 
     def ahead(direction: Array) -> Array:
         system.modes = modes_of(direction)
         return motion_of(system.readings(t, state + _NUDGE * system.rate(t, state)))
 
-    free, direction = float(np.linalg.norm(ahead(np.zeros(3)))), guess
+    C, direction, c = np.stack([(ahead(e) - ahead(-e)) / 2 for e in np.eye(3)], axis=1), guess, 0.0
     for _ in range(_ITERATIONS):
-        to = free * direction + ahead(direction)
-        if np.any(to):
-            direction = to / np.linalg.norm(to)
+        # d = (c - C)⁻¹a; Newton's method for 1/|d| = 1, which is nearly linear in c.
+        a, before = ahead(direction) - C @ direction, direction
+        least = float(np.finfo(float).eps * np.linalg.norm(a))  # C may be singular
+        inverse = np.linalg.inv(max(c, least) * np.eye(3) - C)
+        d = inverse @ a
+        length = float(np.linalg.norm(d))
+        direction, c = d / length, max(c, least) + length**2 * (length - 1) / float(d @ inverse @ d)
+        if np.abs(direction - before).max() < _ALIKE and (abs(length - 1) < _ALIKE or c < least):
+            break
     system.modes = modes_of(direction)
 
 

@@ -106,14 +106,15 @@ class Modes(NamedTuple):
 
     motors (m,): -1 or 1 at a torque limit, else 0; standing: whether the plane's resistance to
     rolling holds the shell; toward (3,), world: the direction in which it will roll; slipping:
-    whether the friction is exceeded; ahead (3,): the direction of Wv in which slip begins, or 0.
+    whether the friction is exceeded; ahead (n, s, 3), n and s may be 1: the directions of Wv that
+    the friction of n robots opposes at the stages of a step, 0 for those of their slip.
     """
 
     motors: NDArray[np.int64]
     standing: bool = False
     toward: Array = np.zeros(3)
     slipping: bool = False
-    ahead: Array = np.zeros(3)
+    ahead: Array = np.zeros((1, 1, 3))
 
 
 class Work(NamedTuple):
@@ -196,12 +197,11 @@ def _across(v: Vector, gamma: Vector) -> Vector:
 
 
 @inlined
-def _pull(machine: Machine, modes: Modes, velocity: Vector) -> Vector:
+def _pull(machine: Machine, along: Vector, velocity: Vector) -> Vector:
     """Return -W²v/|Wv|, the friction over the normal force: along X and Y, and about Z [m]."""
     slide = machine.friction[0] if machine.friction[0] < np.inf else 0.0
     spin = machine.friction[1] if machine.spin_free and machine.friction[1] < np.inf else 0.0
     weighted = (slide * velocity[0], slide * velocity[1], spin * velocity[2])
-    along = vector(modes.ahead, 0)
     if eq.dot(along, along) == 0.0:
         along = weighted
     length = np.sqrt(eq.dot(along, along))
@@ -300,7 +300,7 @@ def _differentiate(
     if modes.slipping:
         # Friction and resistance are proportional to N, and N is linear in them.
         velocity = (u[3 + count], u[4 + count], eq.dot(vector(u, 0), gamma))
-        pull = _pull(machine, modes, velocity)
+        pull = _pull(machine, vector(modes.ahead[s % len(modes.ahead)], 0), velocity)
         right[:] = 0.0
         if machine.resistance > 0 and not modes.standing:
             resisting = eq.scale(-machine.resistance, _along(modes.toward, axes, rolling))
@@ -362,9 +362,9 @@ _MACHINE = (
 )  # fmt: skip
 _SIGNATURE = types.void(
     types.NamedTuple(_MACHINE, Machine),
-    types.NamedTuple((types.int64[::1], types.boolean, _ROW, types.boolean, _ROW), Modes),
+    types.NamedTuple((types.int64[::1], types.boolean, _ROW, types.boolean, _TABLES), Modes),
     types.NamedUniTuple(_TABLES, 5, Inputs),
-    types.float64, _TABLE, _ROW, _ROW, _TABLE, _ROW, _TABLE,
+    types.float64, _TABLE, _ROW, _ROW, _TABLE, _ROW, _TABLES,
     types.NamedTuple((_ROW, _TABLE, _TABLES, _TABLE, _TABLE, _TABLE), Work),
 )  # fmt: skip
 
@@ -385,6 +385,10 @@ def differentiate_stages(
             inputs.rates[k], inputs.accelerations[k], inputs.commands[k], inputs.gravity[k],
             inputs.plane[k],
         )  # fmt: skip
+        robot_modes = Modes(
+            modes.motors, modes.standing, modes.toward, modes.slipping,
+            modes.ahead[k % len(modes.ahead)],
+        )  # fmt: skip
         for s in range(len(weights)):
             before = len(slopes) - len(weights) + s
             rate = slopes[before, k * size : (k + 1) * size]
@@ -394,7 +398,9 @@ def differentiate_stages(
                     change += weights[s, j] * slopes[j, at]
                 ends[at] = begin[at] + length * change
                 work.state[i] = base[at] + ends[at]
-            _differentiate(work.state, machine, modes, robot_inputs, s, work, rate, readings[k])
+            _differentiate(
+                work.state, machine, robot_modes, robot_inputs, s, work, rate, readings[k, s]
+            )
 
 
 @cache
@@ -403,7 +409,7 @@ def differentiate() -> Any:
 
     It takes machines, modes and inputs; length, weights, base, begin and slopes as in
     `dop853.Stages`, for the concatenated states of all robots; arrays for the last displacement and
-    for its readings (n, ...); and a workspace.
+    for the readings (n, s, ...) at the stages; and a workspace.
     """
     # The entry of its only signature: numba's dispatch on the types of its records takes longer
     # than the derivative of a ball.

@@ -15,16 +15,17 @@ from robotball.motion import Progress
 from robotball.robot.loop import Loop, TrueReading
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, Steps, take_step
-from robotball.theory.friction import StiffSteps, across, follow, is_stiff, start_state
-from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT
+from robotball.theory.friction import across, direction, follow, is_stiff, slip_speed, start_state
+from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT, Modes
 from robotball.theory.multibody.modes import begin_modes, hold_at_rest, margins_of, switch_modes
+from robotball.theory.multibody.slip_steps import SlipSteps
 from robotball.theory.multibody.system import System
 
 _LEEWAY = 1.08  # times the step that scipy proposes, which is 0.9 of the one that the error allows
 _LOOKS = 4  # times within a step at which margins are evaluated, for an event that ends within it
-# If all margins are larger at both ends of a step, no event is searched in it. This saves most
-# steps the evaluations.
-_FAR = 0.5
+# If at both ends of a step a margin is larger than this and twice its change, no event is searched
+# in it: a step is short against the time in which a margin turns.
+_FAR = 0.1
 _ROOT = 1e-15  # s, and relative: the tolerance of an event's time
 
 
@@ -48,6 +49,8 @@ class March:
         The loop of the scene's controller.
     natural : float or None, s
         The longest step that the error asked for in the last piece.
+    stiff : bool
+        Whether a shell slips so that the equations are stiff.
     steps : int
         The number of steps so far.
     switches : list of float, s
@@ -63,6 +66,7 @@ class March:
     progress: Progress | None = None
     loop: Loop | None = None
     natural: float | None = None
+    stiff: bool = False
     steps: int = 0
     switches: list[float] = field(default_factory=list)
     stopped: tuple[float, int] | None = None
@@ -103,8 +107,9 @@ class March:
         system = self.system
         solver = self._solver(t, end, state)
         margins, longest = margins_of(system, t, state), 0.0
+        speed = slip_speed(system, system.readings(t, state))
         while solver.t < end:
-            before = (solver.t, solver.state)
+            before = (solver.t, solver.state, system.modes)
             self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
             event, margins = self._event(solver, before[0], margins)
             samples.add(solver.t if event is None else event[0], solver)
@@ -125,10 +130,14 @@ class March:
                 if system.modes.standing:
                     return solver.t, state
             if system.modes.slipping:
-                state = follow(system, solver.t, solver.state)
-                settled = isinstance(solver, StiffSteps) and not is_stiff(system, solver.t, state)
-                if not system.modes.slipping or state is not solver.state or settled:
-                    return solver.t, state.copy()
+                readings = system.readings(solver.t, solver.state)
+                last, speed = speed, slip_speed(system, readings)
+                self.stiff = is_stiff(system, speed, (speed - last) / (solver.t - before[0]))
+                t, state = follow(system, solver.t, end, solver.state, readings)
+                if t > solver.t:
+                    samples.add(t, state[None])
+                if state is not solver.state or self.stiff != isinstance(solver, SlipSteps):
+                    return t, state.copy()
         self.natural = longest
         return solver.t, solver.state
 
@@ -138,7 +147,7 @@ class March:
         """Return the time and margin of the last step's first event, and the margins after it."""
         system = self.system
         after = margins_of(system, solver.t, solver.state)
-        if min(margins.min(), after.min()) > _FAR:
+        if (np.minimum(margins, after) > _FAR + 2 * np.abs(after - margins)).all():
             return None, after
         looks = np.linspace(before, solver.t, _LOOKS + 2)
 
@@ -163,8 +172,8 @@ class March:
 
     def _solver(self, begin: float, end: float, state: Array) -> Steps:
         system = self.system
-        if is_stiff(system, begin, state):
-            return StiffSteps(system, begin, end, state)
+        if np.any(system.modes.ahead) or (system.modes.slipping and self.stiff):
+            return SlipSteps(system, begin, end, state, direction(system, begin, state))
         solver = Compensated(system.stages, begin, end, state, self.rtol, system.scale)
         if system.holds and self.natural is not None:
             # As many equal steps as the last piece would have taken. To search the length of the
@@ -173,13 +182,18 @@ class March:
             solver.next_step = (end - begin) / count
         return solver
 
-    def _at(self, before: tuple[float, Array], t: float) -> Array:
+    def _at(self, before: tuple[float, Array, Modes], t: float) -> Array:
         """Return the state at t in the last step, from steps that end there."""
-        if t <= before[0]:
-            return before[1]
-        solver = self._solver(before[0], t, before[1])
+        begin, state, modes = before
+        if t <= begin:
+            self.system.modes = modes
+            return state
+        now, self.system.modes = self.system.modes, modes
+        solver = self._solver(begin, t, state)
+        solver.next_step = t - begin  # no longer than the step that was taken
         while solver.t < t:
             self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
+        self.system.modes = now
         return solver.state
 
 

@@ -143,17 +143,22 @@ class System:
         known = self._known
         if not known or known[:2] != (t, state.tobytes()) or known[2] is not self.modes:
             self.rate(t, state)
-        return self._numbers
+        return self.stage_numbers[:, -1]
+
+    def slips_at_stages(self) -> Array:
+        """Return the slip velocities (k, s, 3) of k robots at the stages of the last step."""
+        return readings_of(self.stage_numbers, self.count).slip
 
     def stages(
         self, times: Array, length: float, weights: Array, base: Array, begin: Array, slopes: Array
     ) -> Array:
         """Write the derivatives at the stages of a step, as in `dop853.Stages`."""
         self._drive(times)
-        ends, self._numbers = np.empty_like(base), np.empty((len(self.scenes), self.readings_size))
+        ends = np.empty_like(base)
+        self.stage_numbers = np.empty((len(self.scenes), len(times), self.readings_size))
         differentiate()(
             self.machine, self.modes, self._inputs, length, weights, base, begin, slopes, ends,
-            self._numbers, self._work,
+            self.stage_numbers, self._work,
         )  # fmt: skip
         self._known = float(times[-1]), (base + ends).tobytes(), self.modes
         return ends

@@ -16,7 +16,7 @@ from robotball.theory.multibody.system import System
 _COUNT = 7  # stages; the order is 13
 _RTOL = 1e-10  # of the last term of a step's series; the error of the step's end is far smaller
 _SOLVED = 1e-14  # the last change of a state by an iteration, relative to its size and scale
-_SWEEPS, _USUAL, _FRESH = 20, 14, 3  # iterations: most, wanted, and those with a new matrix
+_SWEEPS, _USUAL, _FEW = 20, 14, 3  # iterations: most, wanted, and too few to judge convergence
 _SAFETY, _LEAST = 0.9, 0.2  # factors of the next step
 _FIRST, _TOWARD = 0.01, 0.9  # longest first step [s], and part of the time until slip would end
 _TINY = 1e-300  # m/s, which keeps a matrix from being singular
@@ -114,7 +114,7 @@ class SlipSteps:
             system.modes = modes
             slips = system.weights * system.slips_at_stages()
             speeds = (slips * directions).sum(axis=2, keepdims=True)
-            if sweep < _FRESH:
+            if sweep == 0:
                 inverse = self._inverse(length, directions, np.maximum(speeds, _TINY))
             off = slips - speeds * directions
             turn = (inverse @ off.reshape(len(off), -1, 1)).reshape(off.shape)
@@ -123,7 +123,7 @@ class SlipSteps:
             last, change = change, length * float((np.abs(new - slopes[:_COUNT]) / unit).max())
             slopes[:_COUNT] = new
             # A geometric decrease would not be enough.
-            fails = sweep > _FRESH and not change * (change / last) ** (_SWEEPS - sweep) < _SOLVED
+            fails = sweep > _FEW and not change * (change / last) ** (_SWEEPS - sweep) < _SOLVED
             if change < _SOLVED or fails:
                 break
         error = length / _RTOL * float(np.sqrt(np.mean((_SERIES[-1] @ new / unit) ** 2)))

@@ -20,6 +20,7 @@ from robotball.errors import InputError
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, Modes, Readings, readings_of
+from robotball.theory.multibody.slip_steps import NUDGE, SlipSteps
 from robotball.theory.multibody.system import System
 
 _FREE = np.zeros((1, 1, 3))  # `Modes.ahead` of a shell whose friction opposes its slip
@@ -27,7 +28,6 @@ _STOPPED = 1e-8  # m/s, of |Wv|: a slower slip ends within a step of Euler
 # Slip is stiff if the direction of friction settles within _SETTLES seconds, and the slip speed
 # changes _SLOW times slower.
 _SETTLES, _SLOW = 1e-2, 3.0
-_NUDGE = 1e-6  # s, of a difference in time
 _ITERATIONS, _ALIKE = 30, 1e-9  # of the search for a direction, and its last change
 _MOST_EVENTS = 5000  # changes between stick and slip; more are chatter
 
@@ -38,15 +38,6 @@ def is_stiff(system: System, speed: float, rate: float) -> bool:
     a, scene = system.scene.ball.radius, system.scene
     settling = 3 * scene.gravity * max((system.weights / [1.0, 1.0, a]).tolist()) ** 2
     return speed < _SETTLES * settling and abs(rate) < settling / _SLOW
-
-
-def direction(system: System, t: float, state: Array) -> Array:
-    """Return the directions of Wv (k, 3) of k robots that slip."""
-    if np.any(system.modes.ahead):
-        return np.broadcast_to(system.modes.ahead[:, 0], (len(system.scenes), 3))
-    system.rate(t, state)
-    slips = system.weights * system.slips_at_stages()[:, -1]
-    return np.asarray(slips / np.linalg.norm(slips, axis=1, keepdims=True))
 
 
 def slip_speed(system: System, readings: Readings) -> float:
@@ -82,17 +73,13 @@ def follow(
             f"{system.scene.name}: the ball lifts off the plane or is jammed by its friction at "
             f"t = {t:.9g} s: shorten the motion, or lower friction.sliding"
         )
-    slip = system.weights * readings.slip
-    speed = slip_speed(system, readings)
-    if speed > _STOPPED:
+    if slip_speed(system, readings) > _STOPPED:
         return t, state
-    slopes = system.rate(t, state)
-    later = system.weights * system.readings(t, state + _NUDGE * slopes).slip
-    slower = float(slip @ (slip - later)) / (_NUDGE * speed)
-    if slower <= 0:
+    slip = SlipSteps(system, t, end, state)
+    if slip.left == np.inf:
         return t, state
-    rest = min(speed / slower, end - t)
-    return t + rest, _stick(system, t + rest, state + rest * slopes)
+    left = min(slip.left, end - t)
+    return t + left, _stick(system, t + left, state + left * slip.derivative)
 
 
 def _stick(system: System, t: float, state: Array) -> Array:
@@ -152,7 +139,7 @@ def find_direction(
 
     def ahead(direction: Array) -> Array:
         system.modes = modes_of(direction)
-        return motion_of(system.readings(t, state + _NUDGE * system.rate(t, state)))
+        return motion_of(system.readings(t, state + NUDGE * system.rate(t, state)))
 
     C, direction, c = np.stack([(ahead(e) - ahead(-e)) / 2 for e in np.eye(3)], axis=1), guess, 0.0
     for _ in range(_ITERATIONS):

@@ -15,7 +15,7 @@ from robotball.motion import Progress
 from robotball.robot.loop import Loop, TrueReading
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, Steps, take_step
-from robotball.theory.friction import across, direction, follow, is_stiff, slip_speed, start_state
+from robotball.theory.friction import across, follow, is_stiff, slip_speed, start_state
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT, Modes
 from robotball.theory.multibody.modes import begin_modes, hold_at_rest, margins_of, switch_modes
 from robotball.theory.multibody.slip_steps import SlipSteps
@@ -173,7 +173,7 @@ class March:
     def _solver(self, begin: float, end: float, state: Array) -> Steps:
         system = self.system
         if np.any(system.modes.ahead) or (system.modes.slipping and self.stiff):
-            return SlipSteps(system, begin, end, state, direction(system, begin, state))
+            return SlipSteps(system, begin, end, state)
         solver = Compensated(system.stages, begin, end, state, self.rtol, system.scale)
         if system.holds and self.natural is not None:
             # As many equal steps as the last piece would have taken. To search the length of the

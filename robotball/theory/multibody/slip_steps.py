@@ -20,7 +20,7 @@ _SWEEPS, _USUAL, _FEW = 20, 14, 3  # iterations: most, wanted, and too few to ju
 _SAFETY, _LEAST = 0.9, 0.2  # factors of the next step
 _FIRST, _TOWARD = 0.01, 0.9  # longest first step [s], and part of the time until slip would end
 _TINY = 1e-300  # m/s, which keeps a matrix from being singular
-_NUDGE, _TURN = 1e-6, 1e-3  # s, and of a direction: differences for derivatives
+NUDGE, _TURN = 1e-6, 1e-3  # s, and of a direction: differences for derivatives
 
 
 def _integrals(parts: Array) -> Array:
@@ -38,24 +38,29 @@ _IN_TURN = np.hstack([np.triu(_WEIGHTS), np.tril(_WEIGHTS, -1)])
 
 
 class SlipSteps:
-    """Steps from a state (n,) at t to `end` [s], with the members of `Compensated`.
+    """Steps of k robots from a state (n,) at t to `end` [s], with the members of `Compensated`.
 
-    ahead (k, 3): the directions of Wv of k robots at t. After a step the modes of the system have
-    none.
+    After a step the modes of the system have no direction ahead. left: the time [s] until the slip
+    of the first robot would end, inf if it becomes faster.
     """
 
-    def __init__(self, system: System, t: float, end: float, state: Array, ahead: Array) -> None:
-        self.system, self.t, self.end, self.state, self._ahead = system, t, end, state, ahead
-        self.next_step = _FIRST
+    def __init__(self, system: System, t: float, end: float, state: Array) -> None:
+        self.system, self.t, self.end, self.state = system, t, end, state
+        self.next_step, begins = _FIRST, np.any(system.modes.ahead)
+        system.rate(t, state)
+        slips = system.weights * system.slips_at_stages()[:, -1]
+        # The directions of Wv (k, 3). Where slip begins, v and its rate are only rounding.
+        ahead = np.zeros_like(slips) + system.modes.ahead[:, 0] if begins else slips
+        self._ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
         self._linearize()
-        if np.any(system.modes.ahead):  # at rest, whose rate is only rounding
-            self._rest = np.inf
+        if begins:
+            self.left = np.inf
         constant = np.eye(_COUNT, 1)
-        self._last = t, 1.0, state, constant * self.derivative, constant * ahead[:, None]
+        self._last = t, 1.0, state, constant * self.derivative, constant * self._ahead[:, None]
 
     def step(self) -> str | None:
         """Take a step. Returns why it could not be taken, else None."""
-        length = min(self.next_step, self.end - self.t, _TOWARD * self._rest)
+        length = min(self.next_step, self.end - self.t, _TOWARD * self.left)
         while True:
             error, sweeps, directions, slopes = self._solve(length)
             factor = _SAFETY * max(error, _RTOL) ** (-1 / _COUNT)
@@ -83,16 +88,15 @@ class SlipSteps:
         weights, slopes = np.eye(8, k=-4), np.empty((8, len(self.state)))
         system.modes = modes._replace(ahead=np.tile(self._ahead[:, None] + turns, (1, 2, 1)))
         times, begin = np.full(8, self.t), np.zeros_like(self.state)
-        system.stages(times, _NUDGE, weights, self.state, begin, slopes)
+        system.stages(times, NUDGE, weights, self.state, begin, slopes)
         system.modes = modes
         slips = system.weights * system.slips_at_stages()
-        self._turned = (slips[:, 5:] - slips[:, 4:5]) / (_NUDGE * _TURN)
+        self._turned = (slips[:, 5:] - slips[:, 4:5]) / (NUDGE * _TURN)
         rates = slopes[:4].reshape(4, len(slips), -1).transpose(1, 0, 2)
         self._by_turn = (rates[:, 1:] - rates[:, :1]) / _TURN
         self.derivative = slopes[0]
-        # s, until the first robot would cease to slip
         speed, later = (float(self._ahead[0] @ slip) for slip in (slips[0, 0], slips[0, 4]))
-        self._rest = _NUDGE * speed / (speed - later) if later < speed else np.inf
+        self.left = NUDGE * speed / (speed - later) if later < speed else np.inf
 
     def _solve(self, length: float) -> tuple[float, int, Array, Array]:
         """Solve the stages of a step.

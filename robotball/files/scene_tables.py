@@ -459,9 +459,10 @@ class FrictionTable(Table, frozen=True):
 
 
 class PlaneTable(Table, frozen=True):
-    """The motion of the plane, which does not rotate."""
+    """The motion of the plane."""
 
     motion: Annotated[_Three, key("its acceleration along the world's X, Y, Z", "m/s²")] = _ORIGIN
+    rotation: Annotated[Command, key("its rate about the world's Z, at the origin", "rad/s")] = 0.0
 
 
 class _NumbersTable(Table, frozen=True):

@@ -54,7 +54,10 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
         gravity=scene.gravity,
         gravity_direction=scene.gravity_direction,
         friction=tables.FrictionTable(**asdict(scene.friction)),
-        plane=tables.PlaneTable(motion=tuple(map(_command, scene.plane_motion))),
+        plane=tables.PlaneTable(
+            motion=tuple(map(_command, scene.plane_motion)),
+            rotation=_command(scene.plane_rotation),
+        ),
         shell=_shell(ball.shell),
         frame=tables.FrameTable(**_hinge(ball.hinges[0])),
         rotor=tuple(tables.RotorTable(**_hinge(hinge)) for hinge in hung[Rotor]),

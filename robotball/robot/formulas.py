@@ -160,6 +160,11 @@ def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
     )
 
 
+def turntable_velocity(spin: Scalar, point: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+    """Return the velocity spin e_z×r along X and Y of a turning plane at the point r."""
+    return -spin * point[1], spin * point[0]
+
+
 def contact_velocity(
     alpha: Vector, beta: Vector, omega: Vector, Omega: Vector, a: Scalar
 ) -> tuple[Scalar, Scalar]:

@@ -24,7 +24,14 @@ from robotball.errors import (
 )
 from robotball.robot.ball import ROUNDING, Ball, Link, UserValue, Value, cached_array, imbalance
 from robotball.robot.drives import Constant, Drive, Rate, as_drive, sampling_error, turns
-from robotball.robot.formulas import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
+from robotball.robot.formulas import (
+    ROLLING_MODELS,
+    Parameters,
+    Rolling,
+    as_vector,
+    parameters_of,
+    turntable_velocity,
+)
 from robotball.rotations import Array, as_floats, from_matrix, normalised, rotation_matrix, uneven
 
 if TYPE_CHECKING:
@@ -335,9 +342,12 @@ class Scene(Value):
     controller : Controller, optional
         Commands the motors from sensor readings, in place of the commands given here.
     plane_motion : tuple of 3 rates, optional
-        Acceleration of the plane along world X, Y and Z, m/s². The plane does not rotate, and is at
-        rest at time 0. Contact points and velocities are relative to the plane; `in_space` returns
-        the position of the ball in space.
+        Acceleration of the plane along world X, Y and Z, m/s². The plane is at rest at time 0.
+        Contact points and velocities are relative to it; `in_space` returns the position of the
+        ball in space.
+    plane_rotation : rate, optional
+        Rate at which the plane turns about the world's Z axis, rad/s. Contact points and velocities
+        have axes that do not turn.
 
     Raises
     ------
@@ -370,6 +380,7 @@ class Scene(Value):
     actuators: "tuple[Actuator, ...]" = ()
     controller: "Controller | None" = None
     plane_motion: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
+    plane_rotation: Rate = 0.0
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
@@ -490,9 +501,14 @@ class Scene(Value):
         return tuple(map(self._drive, map("the plane along {}".format, "XYZ"), self.plane_motion))
 
     @cached_property
+    def plane_turn(self) -> Drive:
+        """The rotation of the plane: `rate(t)` is its rate and `angle(t)` its angle."""
+        return self._drive("the rotation of the plane", self.plane_rotation)
+
+    @cached_property
     def _over_time(self) -> tuple[Drive, ...]:
         """All functions of time in the scene."""
-        return (*self.drives, *self.controls, *self.plane_drives)
+        return (*self.drives, *self.controls, *self.plane_drives, self.plane_turn)
 
     def with_hinges(self, **given: Any) -> "Scene":
         """Return the scene with the ball of `Ball.with_hinges`."""
@@ -545,6 +561,34 @@ class Scene(Value):
         return any(map(turns, self.plane_drives))
 
     @cached_property
+    def plane_turns(self) -> bool:
+        """True if the plane turns at some time."""
+        return turns(self.plane_turn)
+
+    def plane_velocity(self, t: Any, points: Array) -> Array:
+        """Return the velocity of the turning plane (..., 3) at points (..., 2) and times t (...).
+
+        It is the velocity along X and Y [m/s], and the rate of the plane [rad/s].
+        """
+        spin = np.asarray(self.plane_turn.rate(t), dtype=float)
+        x, y = turntable_velocity(spin, (points[..., 0], points[..., 1]))
+        return np.stack([x, y, spin + 0 * x], axis=-1)
+
+    @property
+    def start_slip(self) -> Array:
+        """The slip of the start (3,) against a plane that does not turn.
+
+        The ball starts at the axis of a turning plane, which turns a rubber shell with it.
+        """
+        of_plane = self.plane_velocity(0.0, np.zeros(2))
+        return self.start.slip + (of_plane if self.rolling == "rubber" else 0.0)
+
+    @property
+    def contact_moves(self) -> bool:
+        """True if the shell's point at the contact may move: it slips, or the plane turns."""
+        return self.may_slip or self.plane_turns
+
+    @cached_property
     def level(self) -> bool:
         """True if gravity, in the frame of the moving plane, stays normal to the plane."""
         return self.gravity_direction == DOWN and not any(map(turns, self.plane_drives[:2]))
@@ -562,6 +606,8 @@ class Scene(Value):
             return "a hinge has a motor, so its rate is not prescribed"
         if not self.level:
             return "the plane is inclined or moves sideways"
+        if self.plane_turns:
+            return "the plane turns"
         if self.friction.rolling:
             return "the plane resists rolling"
         return None
@@ -610,10 +656,10 @@ class Scene(Value):
     def keeps_momentum(self) -> bool:
         """True if M is constant in space: balanced, on a level plane that does not brake the ball.
 
-        The plane may move up and down. M is not constant if the ball rolls with resistance or
-        slips.
+        The plane may move up and down, but not turn. M is not constant if the ball rolls with
+        resistance or slips.
         """
-        if self.friction.rolling or self.may_slip:
+        if self.friction.rolling or self.contact_moves:
             return False
         return self.level and not self._off_centre
 
@@ -654,7 +700,7 @@ class Scene(Value):
 
     @cached_property
     def steady(self) -> bool:
-        """True if all rates and the plane's acceleration are constant."""
+        """True if all rates and the plane's acceleration and rotation are constant."""
         return self.controller is None and all(isinstance(d, Constant) for d in self._over_time)
 
     def sampling_error(self, end: float, timestep: float) -> float:

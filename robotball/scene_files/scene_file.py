@@ -193,6 +193,8 @@ def _scene(path: Path, keys: Mapping[str, Any]) -> Scene:
     down = direction("gravity_direction", np.array(table.gravity_direction))
     with named("plane.motion"):
         X, Y, Z = (rate_of(command, path.parent) for command in table.plane.motion)
+    with named("plane.rotation"):
+        rotation = rate_of(table.plane.rotation, path.parent)
     scene = Scene(
         name=path.stem.encode(errors="replace").decode(),  # undecodable bytes become ?
         title=table.title,
@@ -205,6 +207,7 @@ def _scene(path: Path, keys: Mapping[str, Any]) -> Scene:
         gravity_direction=tuple(down.tolist()),
         friction=Friction(*msgspec.structs.astuple(table.friction)),
         plane_motion=(X, Y, Z),
+        plane_rotation=rotation,
     )
     omega = table.start.angular_velocity
     return scene if omega is None else _turning(scene, np.array(omega))

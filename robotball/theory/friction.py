@@ -1,7 +1,7 @@
 """Stick and slip of the shell on a plane with finite friction.
 
 The slip velocity v = (v_X, v_Y, σ) is the velocity of the shell's point at the contact [m/s] and,
-in the rubber model, the shell's spin about the vertical [rad/s]. W = diag(μ, μ, μ_t) has the
+in the rubber model, the shell's spin about the vertical [rad/s], both relative to the plane. W = diag(μ, μ, μ_t) has the
 sliding coefficient and the torsional one [m]. A component without a coefficient cannot slip.
 
 * Stick: v = 0, as long as the friction f keeps |W⁻¹f| <= N, with N the normal force.
@@ -19,7 +19,14 @@ import numpy as np
 from robotball.errors import InputError
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
-from robotball.theory.multibody.derivative import HINGES, MOMENTUM, Modes, Readings, readings_of
+from robotball.theory.multibody.derivative import (
+    HINGES,
+    MOMENTUM,
+    POINT,
+    Modes,
+    Readings,
+    readings_of,
+)
 from robotball.theory.multibody.slip_steps import NUDGE, SlipSteps
 from robotball.theory.multibody.system import System
 
@@ -103,11 +110,9 @@ def slide(system: System, t: float, state: Array) -> Array:
     If the friction reaches its limit continuously, the direction of Wv stays -W⁻¹f/|W⁻¹f|.
     """
     toward = -_friction(system.readings(t, state)) / system.friction
-    numbers, state = system.numbers(t, state), state.copy()
+    numbers = system.numbers(t, state)
     system.modes = system.modes._replace(slipping=True, ahead=_FREE)
-    for scene, row, values in zip(system.scenes, _rows(system, state), numbers, strict=True):
-        readings = readings_of(values, system.count)
-        _write_momenta(system, scene, row, readings.omega, readings.rates, np.zeros(3))
+    state = with_momenta(system, t, state, numbers)
     toward /= np.linalg.norm(toward)
     modes = system.modes
     find_direction(
@@ -188,13 +193,27 @@ def across(L: Array) -> Array:
     return np.cross([0.0, 0.0, 1.0], L)
 
 
+def with_momenta(system: System, t: float, state: Array, numbers: Array) -> Array:
+    """Return the state at t [s] with the momenta of its readings' velocities, in its modes.
+
+    numbers: of the readings, a row for each scene, which may be of other modes.
+    """
+    state = state.copy()
+    for scene, row, values in zip(system.scenes, _rows(system, state), numbers, strict=True):
+        readings = readings_of(values, system.count)
+        moved = readings.slip + scene.plane_velocity(t, row[POINT:MOMENTUM])
+        moved[2] = 0.0  # ω has the spin
+        _write_momenta(system, scene, row, readings.omega, readings.rates, moved)
+    return state
+
+
 def _write_momenta(
     system: System, scene: Scene, state: Array, omega: Array, rates: Array, slip: Array
 ) -> None:
     """Write the momenta of velocities into a robot's state, in the present modes.
 
-    omega: of the carrier without the spin of a rubber shell, in its axes [rad/s]; rates (h,);
-    slip (3,): along X and Y [m/s], and the spin [rad/s].
+    omega: of the carrier, in its axes [rad/s]; rates (h,); slip (3,): of the shell's point at the
+    contact along X and Y [m/s], and a spin that omega lacks [rad/s].
     """
     count = system.count
     to_world, angles = rotation_matrix(state[:4]), state[HINGES : HINGES + count]
@@ -208,7 +227,8 @@ def _write_momenta(
     state[MOMENTUM : MOMENTUM + 3] = across(L) if keeps else L
     free = ~system.machine.given[3 : 3 + count]
     state[HINGES + count : HINGES + 2 * count] = np.where(free, momenta[3:], 0.0)
-    state[HINGES + 3 * count : HINGES + 3 * count + 2] = to_world[:2] @ P
+    if system.slips:
+        state[HINGES + 3 * count : HINGES + 3 * count + 2] = to_world[:2] @ P
 
 
 def start_state(system: System) -> Array:
@@ -218,5 +238,5 @@ def start_state(system: System) -> Array:
         system.modes = system.modes._replace(slipping=system.scene.start.slips)
         for scene, row in zip(system.scenes, _rows(system, state), strict=True):
             omega, rates = scene.angular_velocity_at(scene.start), scene.hinged[1, 0]
-            _write_momenta(system, scene, row, omega, rates, scene.start.slip)
+            _write_momenta(system, scene, row, omega, rates, scene.start_slip)
     return state

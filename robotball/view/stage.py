@@ -173,12 +173,16 @@ class Stage:
         self._shading = self._buffer(_TEXELS, _TEXELS, 0)
         self._drawing = self._buffer(height, width, _SAMPLES)
 
-    def place(self, stands: Sequence[_Stands], blurred: Sequence[Mapping[str, float]]) -> None:
+    def place(
+        self, stands: Sequence[_Stands], blurred: Sequence[Mapping[str, float]], turn: float = 0.0
+    ) -> None:
         """Place the named bodies of each ball.
 
-        blurred: for each body, from 0, marks visible, to 1, rotating too fast for marks.
+        blurred: for each body, from 0, marks visible, to 1, rotating too fast for marks; turn: of
+        the floor about the world's Z [rad].
         """
         model = self._model
+        model.geom("floor").quat = np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)
         pose(model, self._data, self._bodies, stands)
         self._centres = np.array([ball["shell"][1][0] for ball in stands])
         self._seen = self._opacity.copy()

@@ -4,7 +4,7 @@ A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contac
 momentum M in space axes, the work lost to rolling resistance, and for every hinge its angle, its
 momentum (if its rate is not prescribed) and the work of its motors. If the friction of the plane is
 finite, the horizontal momentum P along X and Y and the loss to friction follow, and if the plane
-moves its work on the ball. While a rubber shell spins, L takes the place of M. A motor moves one
+moves or turns its work on the ball. While a rubber shell spins, L takes the place of M. A motor moves one
 hinge, or several with gears. The derivative also gives the forces and rates in `Readings`.
 
 A call of compiled code takes longer than one derivative, so `differentiate` computes all stages of
@@ -91,7 +91,8 @@ class Inputs(NamedTuple):
     """Inputs at the stages of a step (s, ...); with n robots each has a row.
 
     rates, accelerations (s, h): of the hinges; commands (s, m): of the motors; gravity (s, 3) m/s²
-    and plane (s, 3) m/s, the plane's velocity: world axes.
+    and plane (s, 5): the velocity of the plane [m/s], world axes, the rate at which it turns
+    [rad/s], and the rate of that.
     """
 
     rates: Array
@@ -274,8 +275,12 @@ def _differentiate(
     put(right, 0, M if spins else eq.cross(M, gamma))
     for j in range(count):
         right[3 + j], u[3 + j] = state[HINGES + count + j], inputs.rates[s, j]
+    # A shell that sticks has the plane's velocity at the contact, a rubber one also its rotation.
+    turning = inputs.plane[s, 3]
+    of_plane = eq.turntable_velocity(turning, (state[POINT], state[POINT + 1]))
+    right[free + 2] = turning
     for i in range(3 + count, free):
-        right[i] = state[friction + i - 3 - count]
+        right[i], u[i] = state[friction + i - 3 - count], of_plane[i - 3 - count]
     solve(matrix, given, right, u)
     move(work.columns, u, work.moving)
     torques = readings[PER_HINGE + count : PER_HINGE + 2 * count]
@@ -290,16 +295,25 @@ def _differentiate(
     for j in range(count):
         right[3 + j] += torques[j]
         u_rate[3 + j] = inputs.accelerations[s, j]
+    slip, velocity = eq.scale(0.0, gamma), (0.0, 0.0, eq.dot(vector(u, 0), gamma) - turning)
+    if free > 3 + count:
+        slip = eq.add(eq.scale(u[3 + count], axes[0]), eq.scale(u[4 + count], axes[1]))
+        velocity = (u[3 + count] - of_plane[0], u[4 + count] - of_plane[1], velocity[2])
+        # The contact point moves over the plane.
+        x, y = eq.contact_velocity(
+            axes[0], axes[1], vector(u, 0), (0.0, 0.0, 0.0), machine.radius
+        )  # fmt: skip
+        along = eq.turntable_velocity(turning, (x + u[3 + count], y + u[4 + count]))
+        faster = eq.turntable_velocity(inputs.plane[s, 4], (state[POINT], state[POINT + 1]))
+        u_rate[3 + count], u_rate[4 + count] = along[0] + faster[0], along[1] + faster[1]
+    right[free + 2] = inputs.plane[s, 4]
     solve(matrix, given, right, u_rate)
     force = eq.add(force, push(machine.bodies, work.columns, u_rate))
     rolling = _across(vector(u, 0), gamma)
     resisting = eq.scale(0.0, gamma)
-    slip, twist, lost = eq.scale(0.0, gamma), eq.scale(0.0, gamma), 0.0
-    if free > 3 + count:
-        slip = eq.add(eq.scale(u[3 + count], axes[0]), eq.scale(u[4 + count], axes[1]))
+    twist, lost = eq.scale(0.0, gamma), 0.0
     if modes.slipping:
         # Friction and resistance are proportional to N, and N is linear in them.
-        velocity = (u[3 + count], u[4 + count], eq.dot(vector(u, 0), gamma))
         pull = _pull(machine, vector(modes.ahead[s % len(modes.ahead)], 0), velocity)
         right[:] = 0.0
         if machine.resistance > 0 and not modes.standing:
@@ -348,12 +362,15 @@ def _differentiate(
             mass += machine.bodies[b, 0]
         for i in range(2):
             rate[friction + i] = readings[_FORCE + i] + mass * eq.dot(axes[i], gravity)
-            readings[_SLIP + i] = u[3 + count + i]
         rate[friction + 2] = lost
-        readings[_SLIP + 2] = eq.dot(vector(u, 0), gamma)
         friction += 3
+    for i in range(3):
+        readings[_SLIP + i] = velocity[i]
     if len(state) > friction:
-        rate[friction] = eq.dot(vector(readings, _FORCE), vector(inputs.plane[s], 0))
+        turned = (of_plane[0], of_plane[1], 0.0)
+        moved = eq.add(vector(inputs.plane[s], 0), turned)
+        rate[friction] = eq.dot(vector(readings, _FORCE), moved)
+        rate[friction] += readings[_PLANE_TORQUE + 2] * turning
 
 
 _ROW, _TABLE, _TABLES = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
@@ -423,7 +440,8 @@ class Readings(NamedTuple):
     plane_torque  (..., 3)  N m, of the plane on the shell about the contact point
     omega         (..., 3)  rad/s of the frame, frame axes
     rolling       (..., 3)  rad/s, the horizontal part of the shell's angular velocity
-    slip          (..., 3)  m/s along X and Y, rad/s about Z: the shell's point at the contact
+    slip          (..., 3)  m/s along X and Y, rad/s about Z: the shell's point at the contact,
+                            relative to the plane
     rates         (..., h)  rad/s, of the hinges
     torques       (..., h)  N m, of the motors on the hinges
     unlimited     (..., m)  N m, of the motors without limits

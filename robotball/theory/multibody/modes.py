@@ -10,15 +10,9 @@ from operator import attrgetter
 
 import numpy as np
 
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array
 from robotball.theory import friction
-from robotball.theory.multibody.derivative import (
-    HINGES,
-    MOMENTUM,
-    STANDING,
-    Readings,
-    readings_of,
-)
+from robotball.theory.multibody.derivative import STANDING, Readings
 from robotball.theory.multibody.system import System
 from robotball.theory.plane import lift_off
 
@@ -86,7 +80,8 @@ def hold_at_rest(system: System, t: float, state: Array, readings: Readings) -> 
     system.modes = modes._replace(standing=True, toward=np.zeros(3))
     at_rest = system.readings(t, state)
     if _holding_torque(at_rest) <= system.resistance * at_rest.normal:
-        return _with_momentum(system, t, state)  # drops the residual rolling velocity
+        # This drops the residual rolling velocity.
+        return friction.with_momenta(system, t, state, system.numbers(t, state))
     # The shell has just begun to roll, and is still slower than STANDING.
     if np.any(modes.toward):
         system.modes = modes
@@ -100,7 +95,7 @@ def _let_go(system: System, t: float, state: Array) -> Array:
     If the load grows, the direction stays opposite to the holding torque.
     """
     readings = system.readings(t, state)
-    state = _with_momentum(system, t, state)
+    state = friction.with_momenta(system, t, state, system.numbers(t, state))
     system.modes = modes = system.modes._replace(standing=False, toward=np.zeros(3))
     toward = -readings.plane_torque * [1.0, 1.0, 0.0] / _holding_torque(readings)
     friction.find_direction(
@@ -112,17 +107,3 @@ def _let_go(system: System, t: float, state: Array) -> Array:
 def _holding_torque(readings: Readings) -> float:
     """Return the horizontal torque [N m] with which the plane holds a standing shell."""
     return float(np.linalg.norm(readings.plane_torque[:2]))
-
-
-def _with_momentum(system: System, t: float, state: Array) -> Array:
-    """Return the state with M recomputed from the velocities."""
-    state = state.copy()
-    rows, numbers = state.reshape(-1, system.size), system.numbers(t, state)
-    for scene, row, values in zip(system.scenes, rows, numbers, strict=True):
-        readings = readings_of(values, system.count)
-        to_world, angles = rotation_matrix(row[:4]), row[HINGES : HINGES + system.count]
-        one = scene.robot.states(
-            to_world[None, 2], angles[None], readings.omega[None], readings.rates[None]
-        )
-        row[MOMENTUM : MOMENTUM + 3] = to_world @ one.momentum(scene.rolling)[0]
-    return state

@@ -42,9 +42,10 @@ class System:
         motors = np.stack([_laws_of(scene) for scene in scenes])
         self.friction = first.slip_limits
         self.weights = np.where(np.isfinite(self.friction), self.friction, 0.0)
-        self.slips = first.may_slip
+        self.slips = first.contact_moves  # the state has the momentum along slip
+        moves = first.plane_moves or first.plane_turns
         self.slip_events: list[tuple[float, bool]] = []  # time [s], and whether slip begins there
-        self.size = HINGES + 3 * self.count + 3 * self.slips + first.plane_moves
+        self.size = HINGES + 3 * self.count + 3 * self.slips + moves
         self.readings_size = PER_HINGE + 2 * self.count + motors.shape[1]
         self.limits = motors[0, :, LIMIT]
         self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
@@ -64,7 +65,7 @@ class System:
             np.array([float(scene.friction.rolling) for scene in scenes]),
             np.tile(self.friction[1:], (len(scenes), 1)),
         )
-        widths = self.count, self.count, motors.shape[1], 3, 3
+        widths = self.count, self.count, motors.shape[1], 3, 5
         self._inputs = Inputs(*(np.zeros((len(scenes), STAGES, width)) for width in widths))
         for k, scene in enumerate(scenes):
             self._inputs.gravity[k] = scene.gravity_at(0.0)
@@ -76,8 +77,8 @@ class System:
         self.holds = any(isinstance(command, HeldCommand) for command in self._commands[0])
         # The planes that move differently: a scene of each, and the robots on it.
         self._planes: dict[Any, tuple[Scene, list[int]]] = {}
-        for k, scene in enumerate(scenes if first.plane_moves else ()):
-            plane = *scene.gravity_world.tolist(), *scene.plane_drives
+        for k, scene in enumerate(scenes if moves else ()):
+            plane = *scene.gravity_world.tolist(), *scene.plane_drives, scene.plane_turn
             self._planes.setdefault(plane, (scene, []))[1].append(k)
         self._rates = [
             (i, hinge.command, k)
@@ -178,8 +179,10 @@ class System:
                 inputs.commands[k, stages, i] = commands
         for scene, robots in self._planes.values():
             inputs.gravity[robots, stages] = scene.gravity_at(times)
-            velocity = np.array([drive.angle(times) for drive in scene.plane_drives])
-            inputs.plane[robots, stages] = velocity.T
+            velocity = [drive.angle(times) for drive in scene.plane_drives]
+            turn = scene.plane_turn
+            plane = np.array([*velocity, turn.rate(times), turn.acceleration(within)])
+            inputs.plane[robots, stages] = plane.T
 
 
 def _changing(
@@ -214,7 +217,7 @@ def _scale_of(scene: Scene) -> Array:
     energy, unit = scene.ball.mass * scene.gravity * scene.ball.radius, np.ones(len(scene.hinges))
     momentum = scene.momentum_scale
     of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]
-    of_plane = [energy] * scene.plane_moves
+    of_plane = [energy] * (scene.plane_moves or scene.plane_turns)
     push = momentum / scene.ball.radius
-    of_slip = [push, push, energy] * scene.may_slip
+    of_slip = [push, push, energy] * scene.contact_moves
     return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_slip, of_plane])

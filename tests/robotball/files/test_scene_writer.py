@@ -40,6 +40,8 @@ def scenes(draw: st.DrawFn) -> rb.Scene:
         duration=draw(positive),
         gravity=draw(positive),
         friction=draw(st.builds(Friction, maybe, maybe, sometimes)),
+        plane_motion=(draw(rates), draw(rates), draw(rates)),
+        plane_rotation=draw(rates),
     )
 
 

@@ -192,14 +192,16 @@ class SlidingForm(SecondForm):
         )  # fmt: skip
         weights = np.array([mu or 0.0, mu or 0.0, (twist or 0.0) if rubber else 0.0])
         slip_rows = np.stack([point[0], point[1], spin])
-        weighted = weights * (slip_rows @ v)
+        surface, rate = self.surface(t, q, v)
+        weighted = weights * (slip_rows @ v - [*surface[:2], scene.plane_turn.rate(t)])
         pull = -weights * weighted / np.linalg.norm(weighted)
         c, s = np.cos(self.turned), np.sin(self.turned)
         pull[:2] = c * pull[0] - s * pull[1], s * pull[0] + c * pull[1]
         rows, values = [point[2]], [scene.plane_drives[2].rate(t)]
-        rows += [point[0], point[1]] if mu is None else []
-        rows += [spin] if rubber and twist is None else []
-        values += [0.0] * (len(rows) - 1)
+        if mu is None:
+            rows, values = [*rows, point[0], point[1]], [*values, *rate[:2]]
+        if rubber and twist is None:
+            rows, values = [*rows, spin], [*values, scene.plane_turn.acceleration(t)]
         for i, hinge in enumerate(self.hinges):
             if hinge.motor is None:
                 rows.append(np.eye(nv)[6 + i])

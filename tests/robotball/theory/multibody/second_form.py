@@ -67,6 +67,17 @@ class SecondForm:
         )
         self.data = mujoco.MjData(self.model)
 
+    def surface(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the velocity and acceleration (3,) of a turning plane's point at the contact.
+
+        The acceleration is that of the constraint, whose point moves with the ball. The axis is at
+        the origin of a plane that moves up and down only.
+        """
+        turn, flat = self.scene.plane_turn, [1.0, 1.0, 0.0]
+        spin, faster = turn.rate(t) * UP, turn.acceleration(t) * UP
+        r, moves = q[:3] * flat, v[:3] * flat
+        return np.cross(spin, r), np.cross(faster, r) + np.cross(spin, moves)
+
     def start(self) -> tuple[Array, Array]:
         """Return qpos and qvel at the start; shell and frame axes coincide at angle 0."""
         scene, q, v = self.scene, np.zeros(self.model.nq), np.zeros(self.model.nv)
@@ -77,6 +88,8 @@ class SecondForm:
         q[3:7] = multiply(scene.start.attitude, np.array([np.cos(back), *np.sin(back) * e]))
         to_world = rotation_matrix(scene.start.attitude)
         shell = to_world @ (scene.angular_velocity_at(scene.start) - rate * e)
+        if scene.rolling == "rubber":
+            shell = shell + scene.plane_turn.rate(0.0) * UP
         v[:3] = scene.ball.radius * np.cross(shell, UP)
         v[3:6] = rotation_matrix(q[3:7]).T @ shell
         return q, v
@@ -100,10 +113,12 @@ class SecondForm:
         # v - a ω×ẑ is the velocity of the plane in space. ω = Rω' has the rate Rω̇', and
         # ω×ẑ = (ω_y, -ω_x, 0). Gravity does not change.
         values[:3] = [drive.rate(t) for drive in self.scene.plane_drives]
+        values[:3] += self.surface(t, q, v)[1]
         J[:3, :3] = np.eye(3)
         J[:3, 3:6] = -self.scene.ball.radius * np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 0]]) @ R
         if spin_free:
             J[3, 3:6] = R[2]
+            values[3] = self.scene.plane_turn.acceleration(t)
         for row, i in enumerate(prescribed, start=3 + spin_free):
             J[row, 6 + i] = 1.0
             values[row] = self.hinges[i].command.acceleration(t)

@@ -158,6 +158,8 @@ class _Pinocchio(adapter.Adapter):
             return "its adapter needs all hinges at angle 0 at the start"
         if scene.friction.rolling:
             return "its adapter does not support rolling friction"
+        if scene.plane_turns:
+            return "its adapter's plane cannot turn"
         return None
 
 

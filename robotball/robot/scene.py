@@ -574,6 +574,15 @@ class Scene(Value):
         x, y = turntable_velocity(spin, (points[..., 0], points[..., 1]))
         return np.stack([x, y, spin + 0 * x], axis=-1)
 
+    def plane_acceleration(self, t: float, x: float, y: float, vx: float, vy: float) -> list[float]:
+        """Return the rate of `plane_velocity` at a point (x, y) [m] that moves with (vx, vy) [m/s].
+
+        It is not the acceleration of the plane's matter, as the point moves over the plane.
+        """
+        spin, faster = float(self.plane_turn.rate(t)), float(self.plane_turn.acceleration(t))
+        there, moved = turntable_velocity(faster, (x, y)), turntable_velocity(spin, (vx, vy))
+        return [there[0] + moved[0], there[1] + moved[1], faster]
+
     @property
     def start_slip(self) -> Array:
         """The slip of the start (3,) against a plane that does not turn.

@@ -1,4 +1,4 @@
-"""The moving plane: the ball's path in space, lift-off, and refusals of a moving plane."""
+"""The moving plane: the ball's path in space, lift-off, and refusals of a plane that moves."""
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -49,9 +49,10 @@ def in_space(motion: Motion) -> Array:
 
 
 def check_still(scene: Scene, what: str) -> None:
-    """Raise InputError if the plane moves, which `what` cannot express."""
-    if scene.plane_moves:
-        raise InputError(f"{scene.name}: {what} cannot have a moving plane")
+    """Raise InputError if the plane moves or turns, which `what` cannot express."""
+    if scene.plane_moves or scene.plane_turns:
+        how = "moves" if scene.plane_moves else "turns"
+        raise InputError(f"{scene.name}: {what} cannot have a plane that {how}")
 
 
 def check_pressed(scene: Scene) -> None:

@@ -188,6 +188,9 @@ class Control:
             self.model = model.of(self.loop.scene)
             self.sensed = sensor_reader(self.model)
         self.span: Sequence[float] = (0.0, 0.0)
+        # A pyramidal cone has no rows of friction alone.
+        elliptic = model.compiled.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+        self.turns = model.scene.plane_turns and elliptic
         self.forward: _Forward = _mujoco_forward
         self.step: Step = mujoco_step
         self.friction: Callable[[Array], Array] | None = None
@@ -198,7 +201,8 @@ class Control:
     @property
     def steady(self) -> bool:
         """True if the controls that are set now hold until the next span."""
-        return self.loop.holds if self.loop else self.model.scene.steady
+        holds = self.loop.holds if self.loop else self.model.scene.steady
+        return holds and not self.turns
 
     @property
     def is_plain(self) -> bool:
@@ -246,7 +250,31 @@ class Control:
         data.ctrl[:] = controls_at(self.model.scene, self.model.hinges, self.inside(data.time))
         if self.friction is not None:
             data.qfrc_applied[FREE_QVEL:] = self.friction(data.qvel[FREE_QVEL:])
+        if self.turns:
+            self._follow(data)
+
+    def _follow(self, data: mujoco.MjData) -> None:
+        """Add the acceleration of a turning plane's surface to the rows of friction.
+
+        MuJoCo leaves it out of its contact rows, as for a frame root: a ball at v would slip by
+        Ωv/b. The rows are set, not changed, as trials at one state call this more than once.
+        """
+        scene, t = self.model.scene, self.inside(data.time)
+        x, y, _ = scene.plane_acceleration(t, *data.qpos[:2].tolist(), *data.qvel[:2].tolist())
+        for contact in data.contact:
+            if contact.efc_address >= 0:
+                along = contact.frame[3:].reshape(2, 3) @ [x, y, 0.0]
+                wanted = np.append(along, scene.plane_turn.acceleration(t))[: contact.dim - 1]
+                rows = slice(contact.efc_address + 1, contact.efc_address + 1 + len(wanted))
+                slip = data.efc_vel[rows]
+                data.efc_aref[rows] = wanted - data.efc_KBIP[rows, 1] * slip
 
     def fall(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Set gravity, as the moving plane has it, at the time of `data`."""
-        model.opt.gravity = self.model.scene.gravity_at(self.inside(data.time))
+        """Set gravity and the surface, as the moving plane has them, at the time of `data`."""
+        scene, t = self.model.scene, self.inside(data.time)
+        model.opt.gravity = scene.gravity_at(t)
+        if scene.plane_turns:
+            model.flg_surfacevel = True  # it is false if the plane starts from rest
+            x, y, spin = scene.plane_velocity(t, data.qpos[:2])
+            for contact in data.contact:
+                contact.surfacevel = [*(contact.frame[3:].reshape(2, 3) @ [-x, -y, 0.0]), -spin]

@@ -118,7 +118,9 @@ class PlannedRun(Resolved):
         scene, settings = self.scene, self.settings
         if settings.adaptive or settings.slips or scene.load_varies or not scene.steady:
             return False
-        if settings.condim or settings.root == "frame" or not settings.start_in_equilibrium:
+        if scene.plane_turns or settings.condim or settings.root == "frame":
+            return False
+        if not settings.start_in_equilibrium:
             return False
         prescribed = (isinstance(hinge.actuation, Prescribed) for hinge in self.hinges)
         return bool(self.option("noslip_iterations")) and all(prescribed)
@@ -205,7 +207,8 @@ class PlannedRun(Resolved):
             driven = [h for h in self.hinges if h.index == 0 and h.actuation.follows_rate]
             frame = [self.scene.largest_rates[h.index] for h in driven]
             size = float(np.linalg.norm(self.angular_velocity))
-            return max(size, *frame, float(np.abs(self.start_trial[1].imag).max()))
+            turning = float(np.abs(self.scene.plane_turn.rate(0.0)))
+            return max(size, turning, *frame, float(np.abs(self.start_trial[1].imag).max()))
         times = [0.0] if self.scene.steady else uneven(self.duration, self.duration / _DRIVE_TIMES)
         return max(self._rotation_rate_at(float(t)) for t in times)
 

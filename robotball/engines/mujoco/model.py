@@ -232,7 +232,10 @@ def _compose(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Elemen
     root = Element("mujoco", model="robotball")
     sections = (SubElement(root, tag) for tag in _SECTIONS)
     option, world, contact, tendons, actuators, sensors, keyframe = sections
-    world.extend(_bare("floor"))
+    (floor,) = _bare("floor")
+    world.append(floor)
+    if scene.plane_turns:
+        _set(floor, surfacevel=[0.0] * 5 + [float(scene.plane_turn.rate(0.0))])
     fields = vars(settings).items()
     options = {name: value for name, value in fields if hasattr(mujoco.MjOption, name)}
     _set(option, gravity=scene.gravity_at(0.0), **options)
@@ -309,7 +312,7 @@ def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tupl
     start, shell = scene.start, scene.ball.shell
     turning = [scene.hinges[hinge.index] for hinge in hinges]
     # The free joint has its angular velocity in body axes, and its velocity in world axes.
-    attitude, (slip_x, slip_y, spin) = start.attitude, start.slip.tolist()
+    attitude, (slip_x, slip_y, spin) = start.attitude, scene.start_slip.tolist()
     root_turning = scene.angular_velocity_at(start) + spin * start.to_world[2]
     frame = scene.hinges[0] if scene.ball.has_frame else None
     shell_turning = root_turning - frame.rate * shell.axis if frame else root_turning

@@ -46,6 +46,7 @@ def readings_of(model: Model, rows: Array) -> Readings:
     """
     scene, columns = model.scene, model.sensor_columns
     contact, sound = rows[:, columns["contact"]], _sound(model, rows)
+    slip, spin = _slip(model, rows)
     attitude = attitudes(rows[:, columns["attitude"]], sound)
     to_world = rotation_matrix(attitude)
     angles, rates, torques = _of_hinges(model, rows)
@@ -67,8 +68,8 @@ def readings_of(model: Model, rows: Array) -> Readings:
             hinge_angles=angles,
             hinge_rates=rates,
             loads=Loads(_force_in_world(contact), contact[:, 4], torques),
-            slip=lengths(contact[:, 14:16]),
-            spin=contact[:, 16],
+            slip=slip,
+            spin=spin,
             friction_used=used,
             touching=(contact[:, 0] > 0) & ~lifting,
             sound=sound,
@@ -88,6 +89,20 @@ def _momentum(model: Model, rows: Array) -> Array:
         tuple(rows[:, columns["angular_momentum"]].T), eq.cross(tuple(arm.T), tuple(linear.T))
     )
     return np.stack(eq.cross(tuple(_UP), L) if scene.rolling == "rubber" else L, axis=1)
+
+
+def _slip(model: Model, rows: Array) -> tuple[Array, Array]:
+    """Return the slip [m/s] and the spin [rad/s] of the shell (m,) relative to the plane."""
+    scene, columns = model.scene, model.sensor_columns
+    contact = rows[:, columns["contact"]]
+    velocity, spin, (tx, ty) = contact[:, 14:16], contact[:, 16], contact[:, 10:12].T
+    if not scene.plane_turns:
+        return lengths(velocity), spin
+    # The sensor is relative to the geom, which does not turn.
+    times, points = rows[:, columns["time"]][:, 0], rows[:, columns["centre"]][:, :2]
+    x, y, turning = scene.plane_velocity(times, points).T
+    of_plane = np.stack([tx * x + ty * y, tx * y - ty * x], axis=1)
+    return lengths(velocity - of_plane), spin - turning
 
 
 def _force_in_world(contact: Array) -> Array:

@@ -39,7 +39,7 @@ class Resistance:
         self.compiled = model.compiled
         self.arm = scene.friction.rolling  # m
         self.weight = float(-scene.ball.mass * scene.gravity_world[2])  # N, of a ball at rest
-        self.load_varies = scene.load_varies
+        self.load_varies, self.plane_velocity = scene.load_varies, scene.plane_velocity
         self.shell = model.compiled.body("shell").id
 
     @_overflowing
@@ -90,7 +90,7 @@ class Resistance:
         if not self._holding(_Trials(self, data))[1]:
             return False
         to_world = rotation_matrix(data.qpos[3:7])
-        data.qvel[:2] = 0.0
+        data.qvel[:2] = self.plane_velocity(data.time, data.qpos[:2])[:2]
         data.qvel[3:6] -= rolling @ to_world[:2]
         return True
 

@@ -291,6 +291,20 @@ def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
     return error_check(value, plan.settings.error_tolerance, effect, 'take root="shell"')
 
 
+def turning_plane(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the slip |Ω|v/(b v) over the speed, on a plane that turns under a pyramidal cone.
+
+    MuJoCo leaves the acceleration of the surface under the ball out of its contact rows. Runs add
+    it to the rows of an elliptic cone; a pyramidal cone has no rows of friction alone.
+    """
+    if not plan.scene.plane_turns or plan.option("cone") == "elliptic":
+        return None
+    speed = float(np.linalg.norm(plan.rolling_velocity))
+    value = _slip(plan, abs(float(plan.scene.plane_turn.rate(0.0))) * speed)
+    effect = "on a turning plane a pyramidal cone will let the ball slip off its path"
+    return error_check(value, plan.settings.error_tolerance, effect, 'take cone="elliptic"')
+
+
 def creep(plan: PlannedRun) -> LimitCheck | None:
     """Predict the slip (1 - d)/d α/(b v) over the speed, by which soft friction carries its load.
 
@@ -363,6 +377,7 @@ _OF_CONTACTS = (
     contact_dimension,
     drag,
     frame_as_root,
+    turning_plane,
     creep,
     start_depth,
     first_step,

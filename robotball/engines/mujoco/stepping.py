@@ -13,6 +13,7 @@ from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.engines.observe import spans
 from robotball.errors import mujoco_silent
 from robotball.motion import pieces
+from robotball.robot.drives import Constant
 from robotball.rotations import Array
 
 _LOOK = 4096  # steps between two looks of the monitor; at most so many are taken after a fault
@@ -48,8 +49,8 @@ def controlled(model: Model) -> Iterator[Control]:
                 parts = Parts(control, model.dry_friction)
                 control.friction, control.step = parts.torques, parts.step
                 control.steps = control.steps or control.whole
-        if model.scene.plane_moves:
-            # The forces of gravity are computed before the control callback.
+        if model.scene.plane_moves or not isinstance(model.scene.plane_turn, Constant):
+            # Gravity and the slip are computed before the control callback.
             stack.callback(mujoco.set_mjcb_passive, mujoco.get_mjcb_passive())
             mujoco.set_mjcb_passive(control.fall)
         stack.callback(mujoco.set_mjcb_control, mujoco.get_mjcb_control())

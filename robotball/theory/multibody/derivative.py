@@ -303,9 +303,9 @@ def _differentiate(
         x, y = eq.contact_velocity(
             axes[0], axes[1], vector(u, 0), (0.0, 0.0, 0.0), machine.radius
         )  # fmt: skip
-        along = eq.turntable_velocity(turning, (x + u[3 + count], y + u[4 + count]))
+        carried = eq.turntable_velocity(turning, (x + u[3 + count], y + u[4 + count]))
         faster = eq.turntable_velocity(inputs.plane[s, 4], (state[POINT], state[POINT + 1]))
-        u_rate[3 + count], u_rate[4 + count] = along[0] + faster[0], along[1] + faster[1]
+        u_rate[3 + count], u_rate[4 + count] = carried[0] + faster[0], carried[1] + faster[1]
     right[free + 2] = inputs.plane[s, 4]
     solve(matrix, given, right, u_rate)
     force = eq.add(force, push(machine.bodies, work.columns, u_rate))

@@ -395,7 +395,8 @@ class ReferenceMotion(Motion):
         Cumulative work of a plane that moves or turns on the ball, in world axes.
     slip : (n, 3) or None
         Velocity of the shell's point at the contact along X and Y [m/s], and the spin of a rubber
-        shell about the vertical [rad/s], relative to the plane. None if the friction is never exceeded, as the next two.
+        shell about the vertical [rad/s], relative to the plane. None if the friction is never
+        exceeded, as the next two.
     slipping : tuple of (float, float), s
         The intervals in which the shell slips.
     friction_loss : (n,), J, or None

@@ -81,8 +81,8 @@ class Sensitivity:
 def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensitivity | None:
     """Estimate the sensitivity of a motion to the errors of the engine.
 
-    None if commands change in time or a run breaks off. It takes as long as a run of the engine and
-    three integrations.
+    None if commands change in time, the plane turns or a run breaks off. It takes as long as a run
+    of the engine and three integrations.
     """
     scene, settings = theory.scene, motion.report.settings
     errors, path_scale = path_errors(motion, theory), theory.path_scale
@@ -149,7 +149,9 @@ def chaotic(scene: Scene, duration: float = _LONG) -> bool:
 
 
 def _defects(run: Runner, reference: Motion) -> Array | None:
-    """Return an engine's errors (k, e) at the ends of k stretches; None if a run breaks off."""
+    """Return an engine's errors (k, e) at the ends of k stretches; None if they are unknown."""
+    if reference.scene.plane_turns:
+        return None  # runs start at the axis, not where a stretch begins
     defects = []
     for i, length in enumerate(np.diff(reference.times)):
         motion = run(np.array([0.0, length]), _started(reference, i))

@@ -26,6 +26,7 @@ from robotball.robot.drives import Ramp, Samples, turns
 from robotball.robot.motors import Free
 from robotball.robot.scene import MovedHinge, Scene, Start
 from robotball.rotations import Array, Mask, continuous, rotation_matrix, turned
+from robotball.theory.plane import check_no_turn
 
 _FINE = 2001  # points of a path, whose chords add up to its length; 4e-7 too short for a circle
 # Fraction of the duration to wait before and after the path. Hanging weights must lean before the
@@ -144,6 +145,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     hinges cannot roll the ball as wanted at some time.
     """
     check_positive("the duration", duration, "s")
+    check_no_turn(scene, "steering")
     if scene.friction.rolling:
         raise InputError(f"{scene.name}: steering does not support rolling friction; set it to 0")
     # Hinges with neither rate nor motor are fixed; free ones cannot be driven.

@@ -46,6 +46,7 @@ from robotball.theory.ensembles.orbits import (
     work,
 )
 from robotball.theory.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, System, stepper
+from robotball.theory.plane import check_no_turn
 
 # Limit between two crossings; a few dozen are usual, and an orbit at rest never crosses.
 _STEPS_PER_CROSSING = 100_000
@@ -279,6 +280,7 @@ def period_of(scene: Scene) -> float:
     If a rotating body is not balanced, its mean rate contributes the period of a full turn. Raises
     InputError if there is no period.
     """
+    check_no_turn(scene, "a stroboscopic map")  # it would depend on the ball's place
     if scene.controller is not None or any(hinge.motor for hinge in scene.hinges):
         raise InputError(
             f"{scene.name}: a stroboscopic map needs prescribed rates; remove the motors and the "

@@ -159,7 +159,7 @@ class _Pinocchio(adapter.Adapter):
         if scene.friction.rolling:
             return "its adapter does not support rolling friction"
         if scene.plane_turns:
-            return "its adapter's plane cannot turn"
+            return "its adapter does not support rotation, but the plane turns"
         return None
 
 

@@ -244,7 +244,8 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
     shell = omega - np.outer(hinge_rates[:, 0], scene.ball.shell.axis)
     omega_world = np.einsum("nij,nj->ni", to_world, shell)
     per_radius = omega_world[:, [1, 0]] * [1.0, -1.0]  # v = a (ω - Ω)×e_z
-    rolled = scene.ball.radius * per_radius
+    of_plane = scene.plane_velocity(times, trajectory.position[:, :2])
+    rolled = scene.ball.radius * per_radius + of_plane[:, :2]
     squares = float((per_radius**2).sum())
     if scene.not_reduced:
         loads = Loads.unknown(len(times), len(scene.hinges))
@@ -259,7 +260,7 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
         hinge_angles=angles, hinge_rates=hinge_rates, loads=loads,
         slip=np.linalg.norm(velocity - rolled, axis=1),
         slip_error=velocity_error + scene.ball.radius * omega_error,
-        spin=omega_world[:, 2], spin_error=omega_error,
+        spin=omega_world[:, 2] - of_plane[:, 2], spin_error=omega_error,
         # Least squares of v = r (ω - Ω)×e_z over all samples.
         rolling_radius=float((velocity * per_radius).sum()) / squares if squares else np.nan,
         height=trajectory.position[:, 2],

@@ -211,6 +211,7 @@ def _specific_force(motion: Motion, rows: Rows, amounts: Mapping[str, Array]) ->
     to_world = rotation_matrix(motion.attitude)
     turning = np.einsum("nij,nj->ni", to_world, of_shell(motion))
     velocity = scene.ball.radius * np.cross(turning, _VERTICAL)
+    velocity[:, :2] += scene.plane_velocity(motion.times, motion.contact_point)[:, :2]
     gap = (motion.times[after] - motion.times[before])[:, None]
     centre = (velocity[after] - velocity[before]) / gap - scene.gravity_at(motion.times[at])
     omega = motion.angular_velocity

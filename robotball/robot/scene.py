@@ -565,6 +565,11 @@ class Scene(Value):
         """True if the plane turns at some time."""
         return turns(self.plane_turn)
 
+    @property
+    def plane_is_still(self) -> bool:
+        """True if the plane neither moves nor turns."""
+        return not (self.plane_moves or self.plane_turns)
+
     def plane_velocity(self, t: Any, points: Array) -> Array:
         """Return the velocity of the turning plane (..., 3) at points (..., 2) and times t (...).
 

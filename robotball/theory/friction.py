@@ -1,8 +1,9 @@
 """Stick and slip of the shell on a plane with finite friction.
 
 The slip velocity v = (v_X, v_Y, σ) is the velocity of the shell's point at the contact [m/s] and,
-in the rubber model, the shell's spin about the vertical [rad/s], both relative to the plane. W = diag(μ, μ, μ_t) has the
-sliding coefficient and the torsional one [m]. A component without a coefficient cannot slip.
+in the rubber model, the shell's spin about the vertical [rad/s], both relative to the plane.
+W = diag(μ, μ, μ_t) has the sliding coefficient and the torsional one [m]. A component without a
+coefficient cannot slip.
 
 * Stick: v = 0, as long as the friction f keeps |W⁻¹f| <= N, with N the normal force.
 * Slip: f = -N W²v/|Wv|, the force in the cone with maximum dissipation; Coulomb's law if W = μ.

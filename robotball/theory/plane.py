@@ -50,9 +50,15 @@ def in_space(motion: Motion) -> Array:
 
 def check_still(scene: Scene, what: str) -> None:
     """Raise InputError if the plane moves or turns, which `what` cannot express."""
-    if scene.plane_moves or scene.plane_turns:
-        how = "moves" if scene.plane_moves else "turns"
-        raise InputError(f"{scene.name}: {what} cannot have a plane that {how}")
+    check_no_turn(scene, what)
+    if scene.plane_moves:
+        raise InputError(f"{scene.name}: {what} cannot have a moving plane")
+
+
+def check_no_turn(scene: Scene, what: str) -> None:
+    """Raise InputError if the plane turns, which `what` cannot express."""
+    if scene.plane_turns:
+        raise InputError(f"{scene.name}: {what} cannot have a plane that turns")
 
 
 def check_pressed(scene: Scene) -> None:

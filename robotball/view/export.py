@@ -122,6 +122,8 @@ def _drives(motion: Motion) -> Table:
     gravity = zip("XYZ", motion.scene.gravity_at(times).T, strict=True)
     if motion.scene.plane_moves:
         columns |= {f"gravity_{axis}": along for axis, along in gravity}
+    if motion.scene.plane_turns:
+        columns["plane_rotation"] = np.asarray(motion.scene.plane_turn.rate(times))
     return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
 
 

@@ -269,7 +269,8 @@ class _Painter:
     def __init__(self, motions: Sequence[Motion], film: Film) -> None:
         self.film, self.times, backend = film, film.times(motions), gl.find_backend()
         scene = motions[-1].scene
-        self.turn = scene.until(float(self.times[-1])).plane_turn  # of the floor
+        # The angle of the floor in each frame [rad].
+        self.floor = scene.until(float(self.times[-1])).plane_turn.angle(self.times)
         if backend is None:
             raise InputError(gl.advice())
         self.backend = backend
@@ -299,7 +300,7 @@ class _Painter:
         now = [track.sampled[last : last + 1] for track in self.tracks]
         stands = [track.stands(moment) for track, moment in zip(self.tracks, now, strict=True)]
         blurred = [self._blurred(i, moment) for i, moment in enumerate(now)]
-        self._stage.place(stands, blurred, float(self.turn.angle(self.times[k])))
+        self._stage.place(stands, blurred, float(self.floor[k]))
         pictures, labels = [], []
         for pane, cameras in zip(self.panes, self.cameras, strict=True):
             balls, camera = range(len(now)), cameras[k]

@@ -182,8 +182,8 @@ class Stage:
         the floor about the world's Z [rad].
         """
         model = self._model
-        model.geom("floor").quat = np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)
         pose(model, self._data, self._bodies, stands)
+        self._data.geom("floor").xmat = Rotation.from_rotvec([0.0, 0.0, turn]).as_matrix().ravel()
         self._centres = np.array([ball["shell"][1][0] for ball in stands])
         self._seen = self._opacity.copy()
         for i, fasts in enumerate(blurred):

@@ -398,7 +398,7 @@ def export(
         return options.AGREES
     folder = writable_folder(out)
     written = export_scene(ball, folder)
-    if not ball.plane_moves:  # MJCF cannot say how a plane moves
+    if ball.plane_is_still:  # MJCF cannot say how a plane moves
         for name, text in write_model(ball, settings).files.items():
             write_text(folder / name, text)
             written.append(folder / name)

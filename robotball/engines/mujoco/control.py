@@ -64,6 +64,12 @@ def _mujoco_forward(data: mujoco.MjData, sensors: bool) -> None:
     mujoco.mj_forwardSkip(data.model, data, _NO_STAGE, not sensors)
 
 
+def _in_contact(data: mujoco.MjData, x: float, y: float, spin: float) -> Array:
+    """Return a vector along the world's X and Y, and a spin, in the axes of the contact (3,)."""
+    frame = data.contact[0].frame
+    return np.array([frame[3] * x + frame[4] * y, frame[6] * x + frame[7] * y, spin])
+
+
 def put(data: mujoco.MjData, t: float, state: Array) -> None:
     """Set time [s] and state (qpos, qvel)."""
     data.time = t
@@ -259,15 +265,14 @@ class Control:
         MuJoCo leaves it out of its contact rows, as for a frame root: a ball at v would slip by
         Ωv/b. The rows are set, not changed, as trials at one state call this more than once.
         """
+        if not data.ncon or (first := data.contact[0].efc_address) < 0:
+            return
         scene, t = self.model.scene, self.inside(data.time)
-        x, y, _ = scene.plane_acceleration(t, *data.qpos[:2].tolist(), *data.qvel[:2].tolist())
-        for contact in data.contact:
-            if contact.efc_address >= 0:
-                along = contact.frame[3:].reshape(2, 3) @ [x, y, 0.0]
-                wanted = np.append(along, scene.plane_turn.acceleration(t))[: contact.dim - 1]
-                rows = slice(contact.efc_address + 1, contact.efc_address + 1 + len(wanted))
-                slip = data.efc_vel[rows]
-                data.efc_aref[rows] = wanted - data.efc_KBIP[rows, 1] * slip
+        surface = scene.plane_acceleration(t, *data.qpos[:2].tolist(), *data.qvel[:2].tolist())
+        wanted = _in_contact(data, *surface)
+        rows = slice(first + 1, first + min(data.contact[0].dim, 1 + len(wanted)))
+        slip, damping = data.efc_vel[rows], data.efc_KBIP[rows, 1]
+        data.efc_aref[rows] = wanted[: len(slip)] - damping * slip
 
     def fall(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set gravity and the surface, as the moving plane has them, at the time of `data`."""
@@ -275,6 +280,6 @@ class Control:
         model.opt.gravity = scene.gravity_at(t)
         if scene.plane_turns:
             model.flg_surfacevel = True  # it is false if the plane starts from rest
-            x, y, spin = scene.plane_velocity(t, data.qpos[:2])
-            for contact in data.contact:
-                contact.surfacevel = [*(contact.frame[3:].reshape(2, 3) @ [-x, -y, 0.0]), -spin]
+            if data.ncon:  # MuJoCo counts the velocity of the second geom, the shell, as positive
+                surface = scene.plane_velocity(t, data.qpos[:2]).tolist()
+                data.contact[0].surfacevel = -_in_contact(data, *surface)

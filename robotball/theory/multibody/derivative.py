@@ -4,8 +4,9 @@ A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contac
 momentum M in space axes, the work lost to rolling resistance, and for every hinge its angle, its
 momentum (if its rate is not prescribed) and the work of its motors. If the friction of the plane is
 finite, the horizontal momentum P along X and Y and the loss to friction follow, and if the plane
-moves or turns its work on the ball. While a rubber shell spins, L takes the place of M. A motor moves one
-hinge, or several with gears. The derivative also gives the forces and rates in `Readings`.
+moves or turns its work on the ball. While a rubber shell spins, L takes the place of M. A motor
+moves one hinge, or several with gears. The derivative also gives the forces and rates in
+`Readings`.
 
 A call of compiled code takes longer than one derivative, so `differentiate` computes all stages of
 a step, of one robot or of several.

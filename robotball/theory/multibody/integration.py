@@ -99,7 +99,7 @@ def integrate(
         again=again,
         motor_work=states[:, HINGES + 2 * hinges : HINGES + 3 * hinges],
         rolling_loss=states[:, LOSS],
-        plane_work=states[:, -1] if scene.plane_moves or scene.plane_turns else None,
+        plane_work=None if scene.plane_is_still else states[:, -1],
         slip=values.slip * (first.system.weights > 0) if slipping else None,
         slipping=slipping,
         friction_loss=states[:, HINGES + 3 * hinges + 2] if slipping else None,

@@ -43,7 +43,7 @@ class System:
         self.friction = first.slip_limits
         self.weights = np.where(np.isfinite(self.friction), self.friction, 0.0)
         self.slips = first.contact_moves  # the state has the momentum along slip
-        moves = first.plane_moves or first.plane_turns
+        moves = not first.plane_is_still
         self.slip_events: list[tuple[float, bool]] = []  # time [s], and whether slip begins there
         self.size = HINGES + 3 * self.count + 3 * self.slips + moves
         self.readings_size = PER_HINGE + 2 * self.count + motors.shape[1]
@@ -217,7 +217,7 @@ def _scale_of(scene: Scene) -> Array:
     energy, unit = scene.ball.mass * scene.gravity * scene.ball.radius, np.ones(len(scene.hinges))
     momentum = scene.momentum_scale
     of_ball = [*np.ones(4), *[scene.ball.radius] * 2, *[momentum] * 3, energy]
-    of_plane = [energy] * (scene.plane_moves or scene.plane_turns)
+    of_plane = [energy] * (not scene.plane_is_still)
     push = momentum / scene.ball.radius
     of_slip = [push, push, energy] * scene.contact_moves
     return np.concatenate([of_ball, unit, momentum * unit, energy * unit, of_slip, of_plane])

@@ -135,3 +135,22 @@ def test_a_path_is_drawn_to_its_end(points: int, monkeypatch: pytest.MonkeyPatch
     for x, blue in ((-0.8, True), (0.0, True), (0.9, True), (1.5, False)):
         red, _, strong = at(picture, np.array([x, 1.8])).mean(axis=0)
         assert (strong - red > 50) == blue
+
+
+@pytest.mark.usefixtures("screen")
+def test_the_floor_of_a_turntable_turns_about_the_origin() -> None:
+    """A camera that turns with the floor sees the same picture of it; one at rest does not."""
+    looks, backend = looks_of(FIG12.ball), str(gl.find_backend())
+    shown = Stage((SIDE, SIDE), looks, ["#0072B2"], [np.zeros((2, 2))], 7.2, backend)
+
+    def floor(turn: float, camera_turn: float) -> Array:
+        c, s = np.cos(camera_turn), np.sin(camera_turn)
+        look = np.array([3 * c, 3 * s, 0.0])
+        shown.place([STANDS], [{}], turn)
+        camera = Camera(look, 6.0, camera_turn, 1.2)
+        return np.asarray(shown.draw(camera, [0.0], [0.0], 0), dtype=float)
+
+    still, carried, left = floor(0.0, 0.0), floor(0.6, 0.6), floor(0.6, 0.0)
+    shown.close()
+    assert np.abs(carried - still).mean() < 0.5  # of 255; measured 0
+    assert np.abs(left - still).mean() > 3.0  # measured 9.9

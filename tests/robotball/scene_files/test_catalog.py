@@ -26,7 +26,7 @@ MEASURED = {
     "rubber_chaplygin_gyrostat": 2.4e-9, "rubber_routh_sphere": 4.6e-9, "servo_motors": 1.5e-10,
     "shaken_ball": 6.3e-9, "spin_up_from_rest": 6.2e-8, "steered_pendulum_robot": 6.1e-10,
     "swinging_frame": 1.9e-8, "three_rotors": 1.7e-9, "tilting_gyroscope": 3.2e-9,
-    "vibrated_ball": 3.8e-8, "wobbling_drive": 2.5e-9, "zero_rotor": 3.9e-11,
+    "turntable": 2.1e-10, "vibrated_ball": 3.8e-8, "wobbling_drive": 2.5e-9, "zero_rotor": 3.9e-11,
 }  # fmt: skip
 
 

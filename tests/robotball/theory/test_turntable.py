@@ -223,7 +223,7 @@ def test_mujoco_runs_on_the_exact_circle() -> None:
 
 
 def test_the_term_that_mujoco_leaves_out_costs_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without it a ball slips by Ωv/b: off by 1.03 of the path, with b = 0.5 1/s."""
+    """Without it a ball slips by Ωv/b: off by 1.1 of the path, with b = 0.5 1/s."""
     scene = rb.load_scene("turntable")
     theory = rb.integrate(scene)
     monkeypatch.setattr(Control, "_follow", lambda self, data: None)

@@ -381,12 +381,5 @@ _OF_CONTACTS = (
     creep,
     start_depth,
     first_step,
-    contact_dimension,
-    drag,
-    frame_as_root,
-    turning_plane,
-    creep,
-    start_depth,
-    first_step,
 )
 LAWS: tuple[Law, ...] = _OF_ROBOTS + _OF_CONTACTS

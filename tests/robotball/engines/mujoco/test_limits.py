@@ -444,7 +444,8 @@ def checks() -> Iterator[tuple[str, LimitCheck]]:
     other = replace(FAST, drive=Prescribed(1.0), root="frame", condim=6)
     names = ("fig12", "servo_motors", "pendulum_robot", "swinging_frame", "zero_rotor")
     dry = FIG12.with_hinges(motor={"rotor1": Free(friction=0.01)})
-    for scene in (dry, *map(rb.load_scene, names)):
+    turntable = rb.load_scene("turntable")
+    for scene in (dry, turntable, *map(rb.load_scene, names)):
         for settings in (rb.preset("naive"), rb.preset("adaptive"), recipe("x", 1e-2), other):
             yield from limit_checks(PlannedRun(scene, settings, 10.0)).items()
     slick = replace(FIG12, friction=Friction(0.5, 0.5), duration=1.0)

@@ -295,7 +295,8 @@ def turning_plane(plan: PlannedRun) -> LimitCheck | None:
     """Predict the slip |Ω|v/(b v) over the speed, on a plane that turns under a pyramidal cone.
 
     MuJoCo leaves the acceleration of the surface under the ball out of its contact rows. Runs add
-    it to the rows of an elliptic cone; a pyramidal cone has no rows of friction alone.
+    it to the rows of an elliptic cone; a pyramidal cone has no rows of friction alone. Measured
+    1.07 of the prediction on the scene `turntable`.
     """
     if not plan.scene.plane_turns or plan.option("cone") == "elliptic":
         return None

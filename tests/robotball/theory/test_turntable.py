@@ -58,7 +58,7 @@ def circle(k: float, rotation: float, times: Array) -> Array:
 def test_a_sphere_on_a_turntable_runs_on_a_circle(
     rolling: Rolling, k: float, rotation: float
 ) -> None:
-    """Its rate is Ωk/(1 + k), 2Ω/7 for a solid sphere; measured 6e-15 m."""
+    """Its rate is Ωk/(1 + k), 2Ω/7 for a solid sphere; measured 3e-15 m."""
     scene = rolling_sphere(rolling, rotation)
     inertia = k * 0.1**2
     ball = rb.Ball(rb.Shell(0.1, 1.0, inertia, inertia, np.array([0.0, 0.0, 1.0])))
@@ -96,7 +96,7 @@ def off_by(form: SecondForm, scene: rb.Scene, seconds: float = 0.3) -> float:
 def test_robots_on_a_turntable_obey_the_newton_euler_equations() -> None:
     """Random robots on a plane that turns unevenly and shakes, in maximal coordinates.
 
-    Measured 6e-13, errors of both integrators. A plane that turns the opposite way differs.
+    Measured 2.5e-12, errors of both integrators. A plane that turns the opposite way differs.
     """
     rng, up = np.random.default_rng(4), rb.Sine(amplitude=2.0, frequency=3.0, phase=0.4)
     for _ in range(4):
@@ -107,7 +107,7 @@ def test_robots_on_a_turntable_obey_the_newton_euler_equations() -> None:
 
 
 def test_robots_that_slip_on_a_turntable_obey_the_newton_euler_equations() -> None:
-    """With every kind of limit; measured 2e-13 after 0.02 s."""
+    """With every kind of limit; measured 3e-13 after 0.02 s."""
     compared = 0
     for scene in slipping_robots(8):
         turned = replace(scene, plane_rotation=WOBBLING)
@@ -169,7 +169,7 @@ def test_the_energy_on_a_turntable_changes_by_the_work_of_the_plane(
 def test_a_sphere_that_slides_onto_a_turntable_sticks_and_runs_in_a_circle() -> None:
     """Its velocity v and slip u have v' = -μg u/|u| and u' = (1 + 1/k) v' - Ω×v.
 
-    Measured 5e-10 s, and 4e-10 m for the path, both from the end of the slip at 1e-8 m/s here. A
+    Measured 5e-9 s, and 2e-9 m for the path, both from the end of the slip at 1e-8 m/s here. A
     sphere that slips for ever would not turn with 2Ω/7.
     """
     mu, rotation = 0.1, 2.0
@@ -190,7 +190,7 @@ def test_a_sphere_that_slides_onto_a_turntable_sticks_and_runs_in_a_circle() -> 
     slid = solve_ivp(rate, (0.0, 1.0), begin, "DOP853", rtol=1e-12, atol=1e-14, events=stops)
     end, (x, y, vx, vy) = float(slid.t[-1]), slid.y[:4, -1]
     ((_, stuck),) = motion.slipping
-    assert stuck == pytest.approx(end, abs=1e-8)
+    assert stuck == pytest.approx(end, abs=1.5e-8)
     turn, later = 2j * rotation / 7, times[times > end] - end
     path = complex(x, y) + complex(vx, vy) * np.expm1(turn * later) / turn
     exact = np.stack([path.real, path.imag], axis=1)
@@ -202,7 +202,7 @@ def test_a_sphere_that_slides_onto_a_turntable_sticks_and_runs_in_a_circle() -> 
     [("fig12", WOBBLING), ("turntable", rb.Ramp(final=2.0, end=1.0)), ("pendulum_robot", 2.0)],
 )
 def test_mujoco_agrees_on_a_turntable(name: str, rotation: Any) -> None:
-    """By *accurate* over 2 s; measured X (fig12): RK4's error. No law predicts a fault."""
+    """By *accurate* over 2 s; measured 1.1e-11 (fig12): RK4's error. No law predicts a fault."""
     scene = replace(rb.load_scene(name), plane_rotation=rotation)
     times = rb.sample_times(2.0, 0.05)
     motion = rb.simulate(scene, times, settings="accurate", strict=True)
@@ -216,6 +216,7 @@ def test_mujoco_runs_on_the_exact_circle() -> None:
     scene = rb.load_scene("turntable")
     for preset, bound in (("accurate", 1e-10), ("adaptive", 1e-13)):
         motion = rb.simulate(scene, settings=preset)
+        assert motion.report.faults == ()
         turn = 4j / 7
         path = 0.2 * np.expm1(turn * motion.times) / turn
         off = np.abs(motion.contact_point - np.stack([path.real, path.imag], axis=1)).max()
@@ -231,13 +232,13 @@ def test_the_term_that_mujoco_leaves_out_costs_the_path(monkeypatch: pytest.Monk
 
 
 def test_a_pyramidal_cone_is_predicted_to_slip_on_a_turntable() -> None:
-    """By 1.9 % of the path, of which 1.4 % are measured; an elliptic cone raises no warning."""
+    """By 1.9 % of the path, with 2.0 % measured; an elliptic cone raises no warning."""
     scene, times = rb.load_scene("turntable"), rb.sample_times(10.0)
     checks = exceeded(scene, rb.preset("naive"), times)
     assert checks["turning_plane"].value == pytest.approx(0.019, rel=0.05)
     assert unnamed("cone elliptic", checks["turning_plane"].warning) == []
     slip = rb.simulate(scene, times, settings="naive").report.slip
-    assert slip[1:].mean() / 0.2 == pytest.approx(checks["turning_plane"].value, rel=0.5)
+    assert slip[1:].mean() / 0.2 == pytest.approx(checks["turning_plane"].value, rel=0.2)
     for preset in ("fast", "balanced", "accurate", "adaptive"):
         assert exceeded(scene, rb.preset(preset), times) == {}
 
@@ -269,7 +270,24 @@ def test_mujoco_slips_on_a_turntable() -> None:
     scene = sphere((1.0, 0.0), (0.0, 0.0, 0.0), Friction(0.1), plane_rotation=2.0)
     times = np.linspace(0.0, 1.0, 51)
     motion, theory = rb.simulate(scene, times), rb.integrate(scene, times)
+    assert motion.report.faults == ()
     assert path_error(motion, theory) < 7e-4
     assert theory.slip is not None
-    # Relative to the plane, by both; measured 4e-3 m/s.
+    # Relative to the plane, by both; measured 1.5e-3 m/s.
     assert np.abs(motion.report.slip - np.linalg.norm(theory.slip[:, :2], axis=1)).max() < 1e-2
+
+
+def test_a_ball_that_comes_to_rest_is_carried_around() -> None:
+    """Rolling resistance stops its rolling after 1 s; measured 1.4e-15 m, and 5e-9 with MuJoCo."""
+    friction = Friction(rolling=4e-3)
+    scene = replace(rb.load_scene("turntable"), plane_rotation=1.0, friction=friction)
+    times = rb.sample_times(4.0, 0.05)
+    theory = rb.integrate(scene, times)
+    late = times > 1.5
+    path = theory.contact_point[late] @ [1.0, 1j]
+    carried = path[0] * np.exp(1j * (times[late] - times[late][0]))
+    assert np.abs(path - carried).max() < 1e-14
+    assert abs(path[0]) > 0.05
+    motion = rb.simulate(scene, times)
+    assert motion.report.faults == ()
+    assert path_error(motion, theory) < 1.5e-8

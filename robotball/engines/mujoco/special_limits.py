@@ -296,7 +296,7 @@ def turning_plane(plan: PlannedRun) -> LimitCheck | None:
 
     MuJoCo leaves the acceleration of the surface under the ball out of its contact rows. Runs add
     it to the rows of an elliptic cone; a pyramidal cone has no rows of friction alone. Measured
-    1.07 of the prediction on the scene `turntable`.
+    1.07 of the prediction for a solid sphere.
     """
     if not plan.scene.plane_turns or plan.option("cone") == "elliptic":
         return None

@@ -36,6 +36,7 @@ _STOPPED = 1e-8  # m/s, of |Wv|: a slower slip ends within a step of Euler
 # Slip is stiff if the direction of friction settles within _SETTLES seconds, and the slip speed
 # changes _SLOW times slower.
 _SETTLES, _SLOW = 1e-2, 3.0
+SLIP_RTOL = 1e-13  # relative error of a step of a slip; with a larger one, steps miss its end
 _ITERATIONS, _ALIKE = 30, 1e-9  # of the search for a direction, and its last change
 _MOST_EVENTS = 5000  # changes between stick and slip; more are chatter
 

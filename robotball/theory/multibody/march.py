@@ -15,7 +15,14 @@ from robotball.motion import Progress
 from robotball.robot.loop import Loop, TrueReading
 from robotball.rotations import Array
 from robotball.theory.dop853 import Compensated, Steps, take_step
-from robotball.theory.friction import across, follow, is_stiff, slip_speed, start_state
+from robotball.theory.friction import (
+    SLIP_RTOL,
+    across,
+    follow,
+    is_stiff,
+    slip_speed,
+    start_state,
+)
 from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT, Modes
 from robotball.theory.multibody.modes import begin_modes, hold_at_rest, margins_of, switch_modes
 from robotball.theory.multibody.slip_steps import SlipSteps
@@ -174,7 +181,8 @@ class March:
         system = self.system
         if np.any(system.modes.ahead) or (system.modes.slipping and self.stiff):
             return SlipSteps(system, begin, end, state)
-        solver = Compensated(system.stages, begin, end, state, self.rtol, system.scale)
+        rtol = min(self.rtol, SLIP_RTOL) if system.modes.slipping else self.rtol
+        solver = Compensated(system.stages, begin, end, state, rtol, system.scale)
         if system.holds and self.natural is not None:
             # As many equal steps as the last piece would have taken. To search the length of the
             # first step after each of many commands would take as long as the motion.

@@ -71,6 +71,15 @@ def test_a_sliding_sphere_follows_a_parabola_and_then_rolls_straight() -> None:
     assert np.abs(other.contact_point - exact).max() > 1e-4
 
 
+@pytest.mark.parametrize("rtol", [1e-12, 1e-8])
+def test_a_coarse_integration_meets_the_end_of_a_slip(rtol: float) -> None:
+    """Measured 2e-12 s; steps of 1e-10 and more passed the end to and fro, for minutes."""
+    scene = sphere((2.0, 0.0), (0.0, 0.0, 0.0), Friction(1.0))
+    motion = rb.integrate(scene, TIMES, rtol, 1000)
+    ((_, end),) = motion.slipping
+    assert end == pytest.approx(4 / (7 * G), abs=1e-9)
+
+
 def test_a_spinning_sphere_stops_under_torsional_friction() -> None:
     """At t = (2/5) a² ω/(μ_t g); measured 2e-16 s, which is rounding."""
     scene = sphere((0.0, 0.0), (0.0, 0.0, 5.0), Friction(None, 0.005), "rubber")

@@ -135,10 +135,23 @@ class RobotFile:
         mujoco.mj_objectVelocity(self.model, data, kind, self.sphere, moving, 0)
         return moving
 
-    def slip(self, data: Any) -> Array:
-        """Return the velocity (3,) of the sphere's lowest point [m/s], world."""
+    def slip(self, data: Any, kept: Array | None = None) -> Array:
+        """Return the velocity (3,) of the sphere's lowest point [m/s], world.
+
+        kept (3,): subtract the slip of a scene's start, which is in plane axes.
+        """
         moving, (normal, _) = self.moving(data), self.above_plane(data)
-        return np.asarray(moving[3:] - self.radius * np.cross(moving[:3], normal))
+        slip = np.asarray(moving[3:] - self.radius * np.cross(moving[:3], normal))
+        return slip if kept is None else slip - self.plane_axes(data).T @ (kept * [1.0, 1.0, 0.0])
+
+    def start_slip(self, data: Any) -> Array:
+        """Return the slip along the plane [m/s] and the spin about its normal [rad/s], (3,).
+
+        In plane axes, with 0 in place of rounding errors.
+        """
+        moving, to_plane = self.moving(data), self.plane_axes(data)
+        slip = np.array([*(to_plane @ self.slip(data))[:2], to_plane[2] @ moving[:3]])
+        return np.where(np.abs(slip) > _rounding(moving), slip, 0.0)
 
     def roll(self, data: Any, turning: Array) -> None:
         """Add a rolling of the whole robot with an angular velocity (3,) [rad/s], world."""
@@ -551,19 +564,29 @@ def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
     return composed(solid for solid in solids if solid.mass > 0)
 
 
-def start_misses(robot: RobotFile, data: Any) -> Iterator[tuple[str, str]]:
-    """Yield how a start violates the rolling constraints, and how the equations start instead."""
+def _rounding(moving: Array) -> float:
+    """Return the largest speed [m/s] of a rounding error beside a motion of the sphere (6,)."""
+    return _HEIGHT * max(1.0, float(np.linalg.norm(moving[3:])))
+
+
+def start_misses(
+    robot: RobotFile, data: Any, kept: Array | None = None
+) -> Iterator[tuple[str, str]]:
+    """Yield how a start differs from the start of the equations, and how these start instead.
+
+    kept (3,): the slip with which the equations start, if they do.
+    """
     gap = robot.above_plane(data)[1]
     if abs(gap) > _HEIGHT * robot.radius:
         yield f"it starts {abs(gap):.3g} m {'above' if gap > 0 else 'in'} the plane", "on it"
-    slip = float(np.linalg.norm(robot.slip(data)))
-    if slip > _HEIGHT * max(1.0, float(np.linalg.norm(robot.moving(data)[3:]))):
+    slip = float(np.linalg.norm(robot.slip(data, kept)))
+    if slip > _rounding(robot.moving(data)):
         yield f"its contact point starts at {slip:.3g} m/s", "without slipping"
 
 
-def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
-    """Yield how a start violates the constraints of rolling, or differs from the equations."""
-    for miss, instead in start_misses(robot, data):
+def starts_off(robot: RobotFile, data: Any, kept: Array | None = None) -> Iterator[str]:
+    """Yield how a start differs from the start of the equations; kept as in `start_misses`."""
+    for miss, instead in start_misses(robot, data, kept):
         yield f"{miss}; the equations start {instead}"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
@@ -572,6 +595,20 @@ def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     near = pairs[(pairs == robot.sphere)[:, ::-1]]
     for name in sorted({body_name(model, model.geom_bodyid[i]) for i in near if i != robot.plane}):
         yield f"{name} touches the shell; in the equations it passes through"
+
+
+def friction_source(robot: RobotFile) -> str:
+    """Return where MuJoCo takes the friction of sphere and plane from."""
+    model, geoms = robot.model, [robot.plane, robot.sphere]
+    if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        return "o_friction, as the option has the flag override"
+    if any(map(robot.rolls, zip(model.pair_geom1, model.pair_geom2, strict=True))):
+        return "the file's <pair>"
+    plane, sphere = (f"{geom_name(model, i)} ({model.geom_friction[i, 0]:g})" for i in geoms)
+    first, second = model.geom_priority[geoms]
+    if first == second:
+        return f"the larger of {plane} and {sphere}"
+    return f"{plane if first > second else sphere}, which has the higher priority"
 
 
 def rolling_of(contact: Any) -> Rolling:

@@ -128,6 +128,21 @@ def scene_of(
     return replace(scene, start=replace(scene.start, momentum=momentum))
 
 
+def slipping(scene: Scene, robot: RobotFile, data: Any) -> Scene:
+    """Return the scene of a robot with the friction of its file, and with the slip of its start.
+
+    The equations have no friction that depends on the direction, and none that is absent.
+    """
+    contact, rubber = robot.contact(data), scene.rolling == "rubber"
+    slide, across, spin, *_ = map(float, contact.friction)
+    sliding = slide if contact.dim > 1 and slide == across else None
+    torsional = spin if contact.dim > 3 and rubber else None
+    limited = replace(scene.friction, sliding=sliding, torsional=torsional)
+    scene = replace(scene, friction=limited)
+    slip = np.where(np.isfinite(scene.slip_limits), robot.start_slip(data), 0.0)
+    return replace(scene, start=replace(scene.start, slip=slip))
+
+
 def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -> Free:
     """Return a joint's passive forces and armature, with the rotors of its actuators."""
     dof = int(model.jnt_dofadr[joint])

@@ -7,6 +7,7 @@ is left with all needed changes except this one.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,14 +21,27 @@ from robotball.user_model.mended_file import Change, Editable
 from robotball.user_model.robot_file import start_misses
 
 from ..output import Show
-from .observe import Observation, observe, path_error
+from .observe import Observation, observe, path_error, resistance_per_deceleration
 from .propose import LONGEST_STEP, editable_file, proposals
 
 _PATIENCE = 20.0  # s of processor time for all trials
 _SHORTEST_STEP = 1e-4  # s, of trials
 _FEWEST_SAMPLES = 5  # of a comparison that ends at an obstacle
 _MORE_RUNS = 4  # than changes, which the patience must allow for
+_STOPS = 10.0  # s, in which a rolling friction is to stop a ball
 _LOOSE = 1.1  # times the smallest error: the limit if the accuracy is out of reach
+
+
+class Resistance(NamedTuple):
+    """The rolling friction [m] that stops a ball with a speed [m/s] with a deceleration [m/s²].
+
+    delivered: the part of it that MuJoCo exerts, for each cone.
+    """
+
+    speed: float
+    deceleration: float
+    friction: float
+    delivered: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -49,8 +63,10 @@ class Checked:
         The other proposals.
     source, text : str
         The file, and the mended file.
-    mended : (n, 3), m
+    mended : (n, 4), m
         The path of the mended file over the whole comparison.
+    resistance : Resistance or None
+        If nothing stops the ball.
     """
 
     observation: Observation
@@ -62,6 +78,7 @@ class Checked:
     source: str
     text: str
     mended: Array
+    resistance: Resistance | None
 
     @property
     def agrees(self) -> bool:
@@ -115,7 +132,32 @@ def check_model(
         source=trials.edit.source,
         text=trials.edit.changed(made),
         mended=trials.path(made) if whole else trials.changed(made).path(theory.times),
+        resistance=_resistance(observation, trials.edit),
     )
+
+
+def _resistance(seen: Observation, edit: Editable) -> Resistance | None:
+    """Return the rolling friction that a rolling ball without any needs to stop."""
+    theory, ratio = seen.theory, resistance_per_deceleration(seen.theory.scene)
+    times = theory.times[theory.times <= _STOPS / 2]
+    half = len(times) // 2
+    slips = any(end > times[half] for _, end in theory.slipping)
+    if ratio is None or slips or half < _FEWEST_SAMPLES or seen.contact.dim in (1, 6):
+        return None
+    step = np.diff(theory.contact_point[-2:], axis=0)
+    speed = float(np.linalg.norm(step)) / seen.interval
+    if speed * _STOPS < seen.user.robot.radius:
+        return None
+    braking, delivered = speed / _STOPS, {}
+    friction = ratio * braking
+    numbers = " ".join(f"{it:.9g}" for it in (*seen.contact.friction[:3], friction, friction))
+    for cone in ("elliptic", "pyramidal"):
+        pair = {"condim": "6", "friction": numbers}
+        text = edit.changed([Change("", "", option={"cone": cone}, pair=pair)])
+        points = seen.user.with_text(text).path(times)[half:, :2]
+        away = np.linalg.norm(points - points[0], axis=1)
+        delivered[cone] = float(-2 * np.polyfit(times[half:], away, 2)[0] / braking)
+    return Resistance(speed, braking, friction, delivered)
 
 
 @dataclass(frozen=True)
@@ -123,7 +165,7 @@ class _Trials:
     """Runs of a file with sets of changes.
 
     changes: all of them, with the file's timestep. times (n,) [s]: the samples of every run.
-    paths: (n, 3) [m] for each set that was run.
+    paths: (n, 4) [m] for each set that was run.
     """
 
     observation: Observation
@@ -134,7 +176,7 @@ class _Trials:
     show: Show
 
     def path(self, changes: Sequence[Change]) -> Array:
-        """Return the path (n, 3) of the file with changes."""
+        """Return the path (n, 4) of the file with changes."""
         key = frozenset(map(str, changes))
         if key not in self.paths:
             done = 0.4 + 0.6 * len(self.paths) / (len(self.changes) + _MORE_RUNS)

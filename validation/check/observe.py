@@ -1,9 +1,11 @@
-"""Run a user's model as its file says, beside ideal rolling, and name the first bad state.
+"""Run a user's model as its file says, beside the equations, and name the first bad state.
 
-The model is stepped with plain `mj_step`. The reference is ideal rolling of the same bodies with
-the same motors, springs and friction, for the rolling model that is nearer.
+The model is stepped with plain `mj_step`. The reference is the motion of the same bodies with the
+same motors, springs and friction, for the rolling model that is nearer. It rolls as long as the
+file's friction allows, and slips otherwise.
 """
 
+import contextlib
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,13 +16,13 @@ import mujoco
 import numpy as np
 
 from robotball import InputError, Scene, integrate
-from robotball.engines.mujoco.user_model import Symptoms, UserModel, observed
+from robotball.engines.mujoco.user_model import Symptoms, UserModel, observed, turned
 from robotball.errors import SceneWarning
 from robotball.motion import ContactMotion, ReferenceMotion
 from robotball.robot.drives import Constant, Drive, as_drive
 from robotball.robot.formulas import Rolling
 from robotball.robot.scene import DOWN, GRAVITY
-from robotball.rotations import Array
+from robotball.rotations import Array, rotation_matrix
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.user_model.robot_file import gears_of, rolling_of
 
@@ -61,8 +63,10 @@ class Observation:
     symptoms : Symptoms
     theory : ReferenceMotion
         The reference at the compared samples, as far as they go.
-    path : (n, 3), m
-        The file's contact point and height at these samples; NaN after a failure.
+    ideal : ReferenceMotion or None
+        If the reference slips, the motion with unlimited friction, if there is one.
+    path : (n, 4), m
+        The file's path as in `UserModel.points` at these samples; NaN after a failure.
     errors : dict of float
         The path error to each rolling model that was tried.
     failure : str or None
@@ -79,6 +83,7 @@ class Observation:
     motion: ContactMotion
     symptoms: Symptoms
     theory: ReferenceMotion
+    ideal: ReferenceMotion | None
     path: Array
     errors: Mapping[Rolling, float]
     failure: str | None
@@ -93,6 +98,11 @@ class Observation:
     def error(self) -> float:
         """The path error to the reference."""
         return self.errors[self.theory.scene.rolling]
+
+    @property
+    def friction_worth(self) -> float:
+        """The distance of the reference from rolling with unlimited friction, as a path error."""
+        return np.inf if self.ideal is None else path_error(_path_of(self.theory), self.ideal)
 
     @property
     def since(self) -> float | None:
@@ -122,7 +132,7 @@ def observe(
     motion, symptoms = observed(user, scene, accuracy, steps, watch)
     if not symptoms.failure:  # the run may have been given up
         times = times[: max(2, 1 + (len(symptoms.path) - 1) // every)]
-    path = np.full((len(times), 3), np.nan)
+    path = np.full((len(times), 4), np.nan)
     sampled = symptoms.path[::every][: len(times)]
     path[: len(sampled)] = sampled
     models = [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default)
@@ -131,8 +141,14 @@ def observe(
     errors = {name: path_error(path[: len(it.times)], it) for name, it in theories.items()}
     nearest = min(errors, key=lambda name: errors[name] / (1.0 if name == default else _NEARER))
     theory = theories[nearest]
+    ideal = None
+    if theory.slipping:
+        with contextlib.suppress(InputError, _SlowError):
+            ideal = _integrated(_ideal(theory.scene), theory.times, rtol, show)
     path, end = path[: len(theory.times)], theory.times[-1]
-    longest = max(_reach(path), theory.path_length)
+    if theory.slipping and symptoms.hops:  # an error of the contact, not a flight
+        symptoms = replace(symptoms, failure=None, until=float(motion.times[-1]))
+    longest = max(_reach(path), theory.path_length, np.abs(_path_of(theory)[:, 3]).max())
     judged = symptoms.failure is not None or longest >= _LEAST_PATH * user.robot.radius
     failure = symptoms.failure
     if failure:
@@ -145,18 +161,40 @@ def observe(
         failure += f"ideal rolling moves {theory.path_length:.3g} m"
     return Observation(
         user, accuracy, interval, duration, contact,
-        motion, symptoms, theory, path, errors, failure, judged,
+        motion, symptoms, theory, ideal, path, errors, failure, judged,
     )  # fmt: skip
 
 
 def distances(path: Array, theory: ReferenceMotion) -> Array:
-    """Return the distances (k,) of a path (k, 3) from the reference, over its unit of length.
+    """Return the distances (k,) of a path (k, 4) from the reference, over its unit of length.
 
-    A height above the plane counts as a distance.
+    A height above the plane counts as a distance, and so does a turn of the surface if the
+    reference spins against friction, or is a ball that spins in place.
     """
-    off = path[:, :2] - theory.contact_point[: len(path)]
-    away: Array = np.hypot(np.linalg.norm(off, axis=1), np.maximum(path[:, 2], 0.0))
-    return away / theory.path_scale
+    reference = _path_of(theory)
+    off = path - reference[: len(path)]
+    off[:, 2] = np.maximum(off[:, 2], 0.0)
+    off[:, 3] *= _turns(theory)
+    scale = max(theory.path_scale, np.abs(reference[:, 3]).max())
+    return np.asarray(np.linalg.norm(off, axis=1)) / scale
+
+
+def _turns(theory: ReferenceMotion) -> bool:
+    """Return whether turns are compared."""
+    if theory.slip is not None and theory.slip[:, 2].any():
+        return True
+    return theory.path_length < _LEAST_PATH * theory.scene.ball.radius and not theory.scene.hinges
+
+
+def _path_of(theory: ReferenceMotion) -> Array:
+    """Return the path (n, 4) of the reference, with turn 0 unless it is compared."""
+    path = np.zeros((len(theory.times), 4))
+    path[:, :2] = theory.contact_point
+    if _turns(theory):
+        normal = rotation_matrix(theory.attitude)[:, 2]
+        rates = np.einsum("ni,ni->n", normal, theory.angular_velocity)
+        path[:, 3] = theory.scene.ball.radius * turned(rates, theory.times)
+    return path
 
 
 def path_error(path: Array, theory: ReferenceMotion) -> float:
@@ -178,29 +216,47 @@ def _references(
 ) -> dict[Rolling, ReferenceMotion]:
     """Return the motion of each rolling model, if it has one. Raises InputError without any.
 
-    Only the first is tried if it takes too long, or the path is stuck and shows no difference.
+    Only the first is tried if it takes too long, if it slips as the file's friction says, or if the
+    path is stuck and shows no difference.
     """
     theories, refusal = dict[Rolling, ReferenceMotion](), InputError("")
     for rolling in models:
         scene = user.scene(rolling, float(times[-1]))
         try:
             with warnings.catch_warnings(action="ignore", category=SceneWarning):
-                theory = theories[rolling] = _integrated(scene, times, rtol, show)
-        except InputError as error:
+                theory = theories[rolling] = _reference(scene, times, rtol, show)
+        except (InputError, _SlowError) as error:
             causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(user, scene))
             refusal = InputError(f"{user.robot.path}: {error}{''.join(causes)}")
             if isinstance(error, _SlowError):
                 break
             continue
-        if (len(theory.times) < len(times) and not theory.ended) or _is_stuck(path, theory):
+        given_up = len(theory.times) < len(times) and not theory.ended
+        if given_up or theory.slipping or _is_stuck(path, theory):
             break
     if not theories:
         raise refusal
     return theories
 
 
-class _SlowError(InputError):
+class _SlowError(Exception):
     """The equations take too long."""
+
+
+def _ideal(scene: Scene) -> Scene:
+    """Return the scene with unlimited friction, which does not slip at the start."""
+    friction = replace(scene.friction, sliding=None, torsional=None)
+    return replace(scene, friction=friction, start=replace(scene.start, slip=np.zeros(3)))
+
+
+def _reference(scene: Scene, times: Array, rtol: float, show: Show) -> ReferenceMotion:
+    """Return the motion of a scene, with unlimited friction if it has none with its own."""
+    try:
+        return _integrated(scene, times, rtol, show)
+    except InputError:
+        if not scene.may_slip:
+            raise
+    return _integrated(_ideal(scene), times, rtol, show)
 
 
 def _integrated(scene: Scene, times: Array, rtol: float, show: Show) -> ReferenceMotion:
@@ -263,6 +319,17 @@ def _at_rest(user: UserModel) -> bool:
         return False
     path = user.path(step * round(1 + 0.1 / step) * np.arange(20))
     return bool(np.nanmax(np.abs(path[:, :2])) < _AT_REST * user.robot.radius)
+
+
+def resistance_per_deceleration(scene: Scene) -> float | None:
+    """Return the rolling friction [m] that slows a ball down by 1 m/s²: a(1 + k)/g.
+
+    None for a robot with joints, or on a slope.
+    """
+    if scene.hinges or not scene.level:
+        return None
+    momentum = scene.momentum_of(scene.start.to_world.T @ [1.0, 0.0, 0.0])
+    return float(np.linalg.norm(momentum)) / (scene.ball.mass * scene.gravity * scene.ball.radius)
 
 
 def unusual_numbers(user: UserModel, scene: Scene) -> Iterator[tuple[str, str]]:

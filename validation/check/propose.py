@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from robotball.engines.mujoco.model import friction_reference
-from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, recipe
+from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, for_slip, recipe
 from robotball.engines.mujoco.user_model import UserModel, wrenches
 from robotball.errors import counted
 from robotball.user_model.mended_file import Change, Editable, StartShift, editable
@@ -29,11 +29,12 @@ _SLIDING: float = CONSTANT["sliding_friction"]
 _TIME_CONSTANT = BY_ERROR[1]  # s
 LONGEST_STEP = _TIME_CONSTANT / 2  # s, of a step that does not soften the contact
 _SOLIMP: Any = recipe("mended", 1e-3).solimp
-_LARGEST_MARGIN = 1e-3  # of the radius: a larger result is not meaningful
+_LARGEST_MARGIN = 1e-2  # of the radius: a larger result is not meaningful
 # The solver of the recipe, and the values beyond which a solver stops early.
 _SOLVER = {"solver": "Newton", "iterations": "100", "ls_iterations": "50", "tolerance": "1e-10"}
 _ITERATIONS, _LS_ITERATIONS, _TOLERANCE = 20, 10, 1e-8
 _DELIVERED = 0.95  # of the declared rolling resistance: more is not worth a word
+_SHOCK_STEPS = 3
 _OVERRIDDEN = ("margin", "solref", "solimp", "friction")  # by the option flag override
 _EULER_ID, _RK4_ID = map(int, (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4))
 _EXPLICIT = {_EULER_ID: INTEGRATORS["Euler"], _RK4_ID: INTEGRATORS["RK4"]}
@@ -45,7 +46,8 @@ def editable_file(seen: Observation) -> Editable:
     user, contact = seen.user, seen.contact
     robot, data = user.robot, user.begin()
     normal, gap = robot.above_plane(data)
-    moves = StartShift(-gap * normal, -robot.slip(data), robot.keyframe(user.key))
+    slip = robot.slip(data, seen.theory.scene.start.slip)
+    moves = StartShift(-gap * normal, -slip, robot.keyframe(user.key))
     names = ("condim", "friction", "solref", "solreffriction", "solimp", "margin")
     called = {"condim": "dim", "margin": "includemargin"}  # in a contact
     fields = {name: np.atleast_1d(getattr(contact, called.get(name, name))) for name in names}
@@ -60,10 +62,12 @@ def proposals(seen: Observation, edit: Editable, step: float) -> list[Change]:
 
     Changes that hide the effect of others come first, fine points last.
     """
-    laws = (
-        _contacts, _gain, _start, _solver, _condim, _cone, _friction, _integrator,
-        partial(_timestep, step=step), _softness, _noslip, partial(_frictionloss, step=step),
-    )  # fmt: skip
+    timestep, friction_loss = partial(_timestep, step=step), partial(_frictionloss, step=step)
+    laws = [_contacts, _gain, _start, _solver, _condim, _cone]
+    if seen.theory.slipping:
+        laws += [_integrator, timestep, partial(_slip, step=step), friction_loss]
+    else:
+        laws += [_friction, _integrator, timestep, _softness, _noslip, friction_loss]
     changes = [change for law in laws for change in law(seen)]
     if seen.option.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         changes = [_overriding(change) for change in changes]
@@ -135,8 +139,9 @@ def _gain(seen: Observation) -> Iterator[Change]:
 
 
 def _start(seen: Observation) -> Iterator[Change]:
-    """The start is off the plane, or slips."""
-    if misses := [miss for miss, _ in start_misses(seen.user.robot, seen.user.begin())]:
+    """The start is off the plane, or slips and the reference does not."""
+    kept = seen.theory.scene.start.slip
+    if misses := [miss for miss, _ in start_misses(seen.user.robot, seen.user.begin(), kept)]:
         yield Change("start", "; ".join(misses), start=True)
 
 
@@ -169,7 +174,7 @@ def _condim(seen: Observation) -> Iterator[Change]:
 def _cone(seen: Observation) -> Iterator[Change]:
     """A pyramidal cone couples the directions of friction, and weakens rolling resistance."""
     if seen.option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC):
-        words = "the friction cone is a pyramid, which couples its directions"
+        words = "the friction cone is a pyramid, so that friction is not opposite to the slip"
         delivered = seen.symptoms.delivered
         if delivered is not None and delivered < _DELIVERED:
             words += f" and delivers {delivered:.0%} of the rolling resistance"
@@ -178,17 +183,58 @@ def _cone(seen: Observation) -> Iterator[Change]:
 
 def _friction(seen: Observation) -> Iterator[Change]:
     """The sphere slips if the reference needs more friction. Classical rolling has no torsion."""
-    loads, scene = seen.theory.loads, seen.theory.scene
+    scene = seen.theory.scene
     slide, _, spin, roll, _ = seen.contact.friction
-    words = f"sliding friction {slide:.3g}; the motion needs {loads.sliding_friction.max():.2g}"
     torsional, rubber = mujoco.mjMINMU, scene.rolling == "rubber"
     if rubber:
         torsional = _SLIDING * scene.ball.radius
-        needed = loads.torsional_friction.max()
-        words += f"; torsional friction {spin:.3g} m; the motion needs {needed:.2g} m"
     if slide < _SLIDING or ((rubber or scene.friction.rolling) and spin != torsional):
         values = _digits(_SLIDING, _SLIDING, torsional, roll, roll)
-        yield Change("friction", words, pair={"friction": values})
+        yield Change("friction", needed_friction(seen), pair={"friction": values})
+
+
+def needed_friction(seen: Observation) -> str:
+    """Return the friction of the file, and the friction that rolling needs, in words."""
+    motion = seen.ideal or seen.theory
+    slide, _, spin, *_ = seen.contact.friction
+    sliding = round(float(motion.loads.sliding_friction.max()), 6)
+    torsional = round(float(motion.loads.torsional_friction.max()), 6)
+    words = f"sliding friction {slide:.3g}; rolling needs {sliding:.2g}"
+    rubber = motion.scene.rolling == "rubber"
+    more = f"; torsional friction {spin:.3g} m; rolling needs {torsional:.2g} m"
+    return words + more * rubber
+
+
+def slip_causes(seen: Observation) -> Iterator[tuple[str, str]]:
+    """Yield why the reference slips: friction below what rolling needs, and the start."""
+    scene, ideal = seen.theory.scene, seen.ideal
+    if not seen.theory.slipping:
+        return
+    if ideal is None or ideal.loads.grip(scene.slip_limits).max() > 1:
+        yield "friction", f"it slips, as its friction says: {needed_friction(seen)}"
+    if scene.start.slips:
+        *slip, spin = scene.start.slip.tolist()
+        speeds = [f"its contact point starts at {np.hypot(*slip):.3g} m/s"] * any(slip)
+        speeds += [f"it starts with a spin of {spin:.3g} rad/s"] * bool(spin)
+        yield "start", " and ".join(speeds)
+
+
+def is_shock(seen: Observation) -> bool:
+    """Return whether a slip of the start ends within so few steps that no contact follows it."""
+    shortest = _SHOCK_STEPS * seen.option.timestep
+    return any(end < shortest for _, end in seen.theory.slipping[:1])
+
+
+def _slip(seen: Observation, step: float) -> Iterator[Change]:
+    """A contact as hard as for rolling lifts a sphere that slips, and it sticks too late."""
+    # Euler's damping of slip is stable with RK4, too.
+    euler = recipe("mended", seen.accuracy, integrator="Euler")
+    settings: Any = for_slip(seen.theory.scene, euler, step)
+    names = ("solref", "solimp", "solreffriction")
+    values = {name: _digits(*getattr(settings, name)) for name in names}
+    words = "the contact breaks Coulomb's law: it lifts a sphere that slips, and holds it too late"
+    option = {"cone": "elliptic", "impratio": _digits(settings.impratio)}
+    yield Change("slip", words, pair=values, option=option)
 
 
 def _integrator(seen: Observation) -> Iterator[Change]:
@@ -258,8 +304,11 @@ def _with_margin(changes: Sequence[Change], seen: Observation, edit: Editable) -
         mujoco.mj_forward(model, data)
         return float(sum(wrench[0] for _, wrench in wrenches(robot, data))) - load
 
-    # The static penetration of a contact with the impedance d: g (1 - d) timeconst².
-    guess = theory.scene.gravity * (1 - _SOLIMP[1]) * float(model.pair_solref[pairs[0], 0]) ** 2
+    # The static penetration of a contact with the impedance d: g (1 - d) timeconst². A negative
+    # value is the stiffness of a contact with a low impedance.
+    impedance, settles = model.pair_solimp[pairs[0], 1], model.pair_solref[pairs[0], 0]
+    square = settles**2 if settles > 0 else -1 / settles
+    guess = theory.scene.gravity * float((1 - impedance) * square)
     with warnings.catch_warnings(action="ignore"):
         root = root_scalar(excess, x0=guess, x1=1.1 * guess)
     if not (root.converged and 0 < root.root < _LARGEST_MARGIN * theory.scene.ball.radius):

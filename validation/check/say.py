@@ -14,6 +14,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.motion import Motion, versions
 from robotball.robot.drives import as_drive
 from robotball.rotations import Array
+from robotball.user_model.robot_file import friction_source
 from robotball.view.tracks import PRESET_LOOKS
 from robotball.view.web import view_fragment, view_head
 
@@ -21,8 +22,8 @@ from .. import report
 from ..output import known, panels, scientific
 from ..study import Column, Study, table_of
 from .ablate import Checked
-from .observe import distances, unusual_numbers
-from .propose import collisions
+from .observe import Observation, distances, resistance_per_deceleration, unusual_numbers
+from .propose import collisions, is_shock, needed_friction, slip_causes
 
 COLUMNS = (
     Column("change", "change", words=True),
@@ -31,6 +32,7 @@ COLUMNS = (
 )
 _LEAST_PATH = 0.1  # of the radius: a slip over a shorter path is not worth a line
 _LAG = 0.1  # of the command: a smaller tracking error is not worth a line
+_MOST_INTERVALS = 3  # of slip that are listed
 _MOST_LINES = 60  # of a difference
 
 
@@ -75,8 +77,8 @@ def _row(change: str, words: str, without: float | None = None) -> dict[str, Any
 def causes_of(checked: Checked) -> list[str]:
     """Return the causes of an error, the most important first. A right file may be unusual.
 
-    Unusual numbers come first. But an unusual gear, which acts on the reference too, comes last
-    if changes to the file mend it.
+    Unusual numbers come first. But those that the user may mean come last if changes to the file
+    mend it.
     """
     seen, needed = checked.observation, checked.needed
     causes = []
@@ -84,10 +86,13 @@ def causes_of(checked: Checked) -> list[str]:
         worth = f"path error {scientific(error)}" if np.isfinite(error) else "diverges"
         causes.append(f"{change.name}: {change.words} ({worth} without this change)")
     causes += [checked.short] if checked.short and seen.theory.ended else []
-    rolls = seen.theory.path_length >= seen.user.robot.radius
+    rolls = seen.theory.slipping or seen.theory.path_length >= seen.user.robot.radius
     helped = rolls and needed and checked.mended_error <= seen.accuracy
-    for name, words in reversed([*unusual_numbers(seen.user, seen.theory.scene)]):
-        causes.insert(len(causes) if name == "gear" and helped else 0, f"{name}: {words}")
+    unusual = [*slip_causes(seen), *unusual_numbers(seen.user, seen.theory.scene)]
+    meant = {"gear": True, "start": not is_shock(seen), "gravity": bool(seen.theory.slipping)}
+    meant["friction"] = seen.friction_worth < seen.error
+    for name, words in reversed(unusual):
+        causes.insert(len(causes) if helped and meant.get(name) else 0, f"{name}: {words}")
     if not causes and seen.judged and not checked.agrees and not checked.short:
         perhaps = "a stiff joint or a high gain may need a shorter timestep"
         if not seen.symptoms.diverged:
@@ -120,10 +125,42 @@ def _verdict(checked: Checked) -> Iterator[str]:
         nearest = theory.scene.rolling
         others = "".join(f" ({name}: {it})" for name, it in errors.items() if name != nearest)
         yield f"rolling: {nearest}{others}"
-    for cause in causes_of(checked)[:1]:
+    yield from _slipping(seen)
+    causes = causes_of(checked)
+    # Friction that is too small is not an error of the contact, which may have another.
+    friction = causes[:1] and causes[0].startswith("friction: it")
+    for cause in causes[: 2 if friction and checked.needed else 1]:
         yield f"{'unusual' if checked.agrees else 'cause'}: {cause}"
     if checked.needed and checked.tried < end:
         yield f"causes are sought in the first {checked.tried:.3g} s"
+
+
+def _slipping(seen: Observation) -> Iterator[str]:
+    """Yield when the reference slips, and under which friction."""
+    theory, robot = seen.theory, seen.user.robot
+    if not theory.slipping:
+        return
+    shown = [f"{begin:.3g} to {end:.3g} s" for begin, end in theory.slipping[:_MOST_INTERVALS]]
+    if more := len(theory.slipping) - len(shown):
+        shown.append(f"{more} more times")
+    part = sum(end - begin for begin, end in theory.slipping) / theory.times[-1]
+    yield f"slips: {', '.join(shown)} ({part:.1%} of the time), as its friction says"
+    yield f"friction: {needed_friction(seen)}. {LABEL.name} takes {friction_source(robot)}"
+    if not seen.failure:
+        yield f"Coulomb's law with this friction: the file is off by {seen.error:.2%}"
+
+
+def _resistance(checked: Checked) -> Iterator[str]:
+    """Yield why a ball never stops, and which rolling friction would stop it."""
+    if (found := checked.resistance) is None:
+        return
+    condim, ratio = checked.observation.contact.dim, found.friction / found.deceleration
+    yield f"never stops: condim {condim} does not resist rolling; it keeps {found.speed:.3g} m/s"
+    line = f"a third friction of a r(1 + k)/g = {ratio:.3g} a, for a deceleration a"
+    parts = " and ".join(f"{part:.0%} ({cone} cone)" for cone, part in found.delivered.items())
+    seconds = found.speed / found.deceleration
+    stops = f"{found.friction:.3g} stops it in {seconds:g} s; {LABEL.name} delivers {parts} of that"
+    yield f"to stop: condim 6 and {line}. {stops}"
 
 
 def _symptoms(checked: Checked) -> Iterator[str]:
@@ -138,7 +175,7 @@ def _symptoms(checked: Checked) -> Iterator[str]:
         yield f"contact: lost for {lost.mean():.2%} of the time"
     points = seen.motion.contact_point[rolls]
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    if length > _LEAST_PATH * radius:
+    if length > _LEAST_PATH * radius and not seen.theory.slipping:
         speed = length / seen.motion.times[rolls][-1]
         yield f"slip: {scientific(measured.slip[rolls].mean() / speed)} of its path"
         if scene.rolling == "rubber":
@@ -152,7 +189,13 @@ def _symptoms(checked: Checked) -> Iterator[str]:
             yield f"control: {actuator.name} is {asked:.3g}; ctrlrange limits it to {limited:.3g}"
     if symptoms.delivered is not None and seen.judged and not symptoms.failure:
         declared = f"the file and the reference declare {scene.friction.rolling:g} m"
-        yield f"rolling resistance: {declared}; the contact delivers {symptoms.delivered:.0%} of it"
+        line = (
+            f"rolling resistance: {declared}; the contact delivers {symptoms.delivered:.0%} of it"
+        )
+        if ratio := resistance_per_deceleration(scene):
+            line += f". Whole, it slows the ball by {scene.friction.rolling / ratio:.2g} m/s²"
+        yield line
+    yield from _resistance(checked)
     yield from (f"inside: {collision}" for collision in collisions(seen))
     for name, time_reached in symptoms.limits.items():
         if time_reached <= symptoms.until:

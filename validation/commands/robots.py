@@ -100,12 +100,12 @@ def checked_robot(
         seconds = 10.0 if duration is None else duration
         controls = {name: as_drive(value, seconds) for name, value in controls_of(control).items()}
         user, moves = made_to_move(UserModel(robot, controls, keyframe))
-        start = user.begin()
-        with named(file):
-            notes = [*robot.notes, *starts_off(robot, start), *moves]
         ask(file, user.scene(rolling or "classical", seconds))
         with progress_bar(1) as show:
-            return check_model(user, rolling, seconds, accuracy, show), notes
+            checked = check_model(user, rolling, seconds, accuracy, show)
+        kept = checked.observation.theory.scene.start.slip
+        with named(file):
+            return checked, [*robot.notes, *starts_off(robot, user.begin(), kept), *moves]
 
 
 def fit(

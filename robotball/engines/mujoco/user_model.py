@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from robotball.engines.mujoco import LABEL
 from robotball.engines.observe import Readings, Recording
@@ -25,7 +26,7 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
 from robotball.user_model.mended_file import compiled
 from robotball.user_model.robot_file import RobotFile, gears_of
-from robotball.user_model.robot_scene import scene_of
+from robotball.user_model.robot_scene import scene_of, slipping
 
 _PATIENCE = 12.0  # s of processor time for one run
 _CLOCK_STEPS = 100  # steps between two readings of the clock
@@ -108,10 +109,12 @@ class UserModel:
     def scene(self, rolling: Rolling, duration: float) -> Scene:
         """Return the scene of the reference. Raises InputError for unsupported features."""
         with named(self.robot.path):
-            return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
+            data = self.begin()
+            scene = scene_of(self.robot, data, self.controls, rolling, duration)
+            return slipping(scene, self.robot, data)
 
     def path(self, times: Array) -> Array:
-        """Return contact points and heights above the plane (n, 3) [m] at equally spaced times [s].
+        """Return the path (n, 4) as in `points` at equally spaced times [s].
 
         Rows are NaN after the state has diverged.
         """
@@ -125,8 +128,8 @@ class UserModel:
         robot, data, deadline = self.robot, self.begin(), time.process_time() + _PATIENCE
         count = round((times[1] - times[0]) / robot.model.opt.timestep)
         at_once = 1 if watch else count
-        centres = np.full((len(times), 3), np.nan)
-        obstacle, taken = None, 0
+        centres, spins = np.full((len(times), 3), np.nan), np.full(len(times), np.nan)
+        normal, obstacle, taken = robot.above_plane(data)[0], None, 0
         for i in range(len(times)):
             while taken < i * count and obstacle is None:
                 self.step(data, at_once)
@@ -134,10 +137,12 @@ class UserModel:
                 obstacle = self._obstacle(data, deadline) if watch else None
             if obstacle or not _sound(data):
                 break
-            mujoco.mj_kinematics(robot.model, data)
+            for update in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_comVel):
+                update(robot.model, data)
             centres[i] = data.geom_xpos[robot.sphere]
+            spins[i] = robot.moving(data)[:3] @ normal
         in_plane = (centres - data.geom_xpos[robot.plane]) @ robot.plane_axes(data).T
-        return self.points(in_plane), obstacle
+        return self.points(in_plane, turned(spins, times)), obstacle
 
     def _obstacle(self, data: mujoco.MjData, deadline: float) -> Obstacle | None:
         message = "the run takes too long" if time.process_time() > deadline else ""
@@ -147,9 +152,18 @@ class UserModel:
             message = next(filter(None, real), message)
         return Obstacle(float(data.time), message) if message else None
 
-    def points(self, centres: Array) -> Array:
-        """Return contact points and heights (n, 3) from centres of the sphere in plane axes."""
-        return np.column_stack([centres[:, :2] - centres[0, :2], centres[:, 2] - self.robot.radius])
+    def points(self, centres: Array, turns: Array) -> Array:
+        """Return the contact point, the height and the turn of the sphere's surface (n, 4) [m].
+
+        centres: of the sphere, in plane axes. turns: angles about the plane's normal [rad].
+        """
+        radius, moved = self.robot.radius, centres[:, :2] - centres[0, :2]
+        return np.column_stack([moved, centres[:, 2] - radius, radius * turns])
+
+
+def turned(spins: Array, times: Array) -> Array:
+    """Return the angles (n,) [rad] turned since the first time with spins (n,) [rad/s]."""
+    return np.asarray(cumulative_trapezoid(spins, times, initial=0))
 
 
 def _sound(data: mujoco.MjData) -> bool:
@@ -164,12 +178,14 @@ class Symptoms:
 
     Attributes
     ----------
-    path : (n, 3), m
-        The contact point and the height above the plane at every row.
+    path : (n, 4), m
+        The path as in `UserModel.points` at every row.
     failure : str or None
         What ends the rolling.
     until : float, s
         When it ends, or the end of the run.
+    hops : bool
+        Whether it leaves the plane by less than a hundredth of the radius.
     diverged : bool
         Whether the state diverged.
     inside : Counter
@@ -186,6 +202,7 @@ class Symptoms:
     path: Array
     failure: str | None
     until: float
+    hops: bool
     diverged: bool
     inside: Counter[tuple[int, int]]
     limits: dict[str, float]
@@ -245,7 +262,7 @@ def observed(
     recording = Recording(LABEL, scene, settings, table.time)
     recording.add(_readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
-    path = user.points(table.centre)
+    path = user.points(table.centre, turned(table.angular_velocity[:, 2], table.time))
     exerted, declared = np.nansum(table.resistance, axis=0)
     return motion, Symptoms(
         path,
@@ -261,8 +278,8 @@ def observed(
 
 def _failure(
     times: Array, lost: Mask, heights: Array, radius: float, diverged: float | None
-) -> tuple[str | None, float]:
-    """Return what ends the rolling, a flight or a diverged state, and when [s]."""
+) -> tuple[str | None, float, bool]:
+    """Return what ends the rolling, a flight or a diverged state, when [s], and whether it hops."""
     failures, until = [], float(times[-1]) if diverged is None else diverged
     part, top = float(lost.mean()), float(heights[lost].max(initial=0.0))
     if part > _ALOFT_TIME or top > _ALOFT_HEIGHT * radius:
@@ -273,7 +290,8 @@ def _failure(
         failures.append(f"leaves the plane at t = {until:.3g} s. {flight}")
     if diverged is not None:
         failures.append(f"diverges at t = {diverged:.3g} s")
-    return "; ".join(failures) or None, until
+    hops = diverged is None and top <= _ALOFT_HEIGHT * radius
+    return "; ".join(failures) or None, until, hops
 
 
 def _others(robot: RobotFile, data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], Any]]:

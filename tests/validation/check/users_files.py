@@ -257,6 +257,6 @@ CASES = {
     "URDF of one fixed body": Case({"file": _URDF.format("fixed")}, RIGHT, ""),
     "URDF of a solid base": Case({"file": _SOLID_BASE}, RIGHT, "bob is fixed to the world"),
     "drag": Case({"top": '<option density="1.2" viscosity="1e-5"/>'}, REFUSED, "drag of a medium"),
-    "no friction": Case({"pair": _USUAL["pair"].replace("20 20", ".01 .01")}, OFF, "friction: "),
+    "no friction": Case({"pair": _USUAL["pair"].replace("20 20", ".01 .01")}, RIGHT, "friction: "),
     "default contact": Case(_NO_PAIR, OFF, "softness: ", ("--accuracy", "5e-5")),
 }  # fmt: skip

@@ -146,7 +146,7 @@ def find_direction(
 
     def ahead(direction: Array) -> Array:
         system.modes = modes_of(direction)
-        return motion_of(system.readings(t, state + NUDGE * system.rate(t, state)))
+        return motion_of(system.readings(t + NUDGE, state + NUDGE * system.rate(t, state)))
 
     C, direction, c = np.stack([(ahead(e) - ahead(-e)) / 2 for e in np.eye(3)], axis=1), guess, 0.0
     for _ in range(_ITERATIONS):

@@ -87,7 +87,8 @@ class SlipSteps:
         # Four stages at the state, and four a moment after them.
         weights, slopes = np.eye(8, k=-4), np.empty((8, len(self.state)))
         system.modes = modes._replace(ahead=np.tile(self._ahead[:, None] + turns, (1, 2, 1)))
-        times, begin = np.full(8, self.t), np.zeros_like(self.state)
+        times, begin = np.repeat([self.t, self.t + NUDGE], 4), np.zeros_like(self.state)
+        times = np.minimum(times, system.end)  # a rate may jump there
         system.stages(times, NUDGE, weights, self.state, begin, slopes)
         system.modes = modes
         slips = system.weights * system.slips_at_stages()

@@ -128,7 +128,8 @@ class SlipSteps:
             last, change = change, length * float((np.abs(new - slopes[:_COUNT]) / unit).max())
             slopes[:_COUNT] = new
             # A geometric decrease would not be enough.
-            fails = sweep > _FEW and not change * (change / last) ** (_SWEEPS - sweep) < _SOLVED
+            converges = change * min(change / last, 1.0) ** (_SWEEPS - sweep) < _SOLVED
+            fails = sweep > _FEW and not converges
             if change < _SOLVED or fails:
                 break
         error = length / _RTOL * float(np.sqrt(np.mean((_SERIES[-1] @ new / unit) ** 2)))

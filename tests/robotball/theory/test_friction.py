@@ -279,23 +279,27 @@ def off_by(form: SecondForm, scene: rb.Scene) -> float | None:
     return float(np.abs(np.concatenate(differences)).max())
 
 
-def test_random_robots_slip_as_newton_and_euler_say() -> None:
-    """Contact point, hinge angles and rates; measured 1.3e-13, both integrators' errors.
+@pytest.mark.parametrize(
+    ("count", "bound"), [(16, 2e-12), pytest.param(60, 2e-11, marks=pytest.mark.study)]
+)
+def test_random_robots_slip_as_newton_and_euler_say(count: int, bound: float) -> None:
+    """Contact point, hinge angles and rates; both integrators' errors.
 
-    With friction turned by 0.01 rad they differ by more than 1e-7.
+    Measured 1.3e-13, and 9e-12 on one of 58 that slip throughout. With friction turned by 0.01 rad
+    they differ by more than 1e-7.
     """
     compared = 0
-    for scene in slipping_robots(16):
+    for scene in slipping_robots(count):
         off = off_by(SlidingForm(scene), scene)
         if off is None:
             continue
         compared += 1
-        assert off < 2e-12
+        assert off < bound
         if compared == 2:
             turned = SlidingForm(scene)
             turned.turned = 0.01
             assert (off_by(turned, scene) or 0.0) > 1e-7
-    assert compared > 10
+    assert compared > 0.6 * count
 
 
 def test_robots_that_are_integrated_together_slip_alike() -> None:

@@ -50,6 +50,21 @@ EXPECTED = {
         "Newton, 1 kg: 4.1e-4 4.25e-4; Newton and noslip, 1 kg: 3.6e-4 3.75e-4; "
         "PGS, 1 kg: 4.1e-4 4.25e-4; Newton, 1e+06 kg: 4.1e-4 4.25e-4; "
         "Newton and noslip, 1e+06 kg: 4.1e-4 4.25e-4; PGS, 1e+06 kg: 2.99 3.01",
+    # A pyramid ends the slip 1/cos 45° later, and a hop is about 2μ|u|/timeconst over weight.
+    "mujoco_slip":
+        "default, 5 ms, askew [deg]: 14.4 15.6; default, 5 ms, late [%]: 40 43; "
+        "default, 5 ms, error: 0.0098 0.0107; default, 1 ms, askew [deg]: 14.4 15.6; "
+        "default, 1 ms, late [%]: 40 43; default, 1 ms, error: 0.0104 0.0113; "
+        "default, 0.2 ms, askew [deg]: 14.4 15.6; default, 0.2 ms, late [%]: 40 43; "
+        "default, 0.2 ms, error: 0.0104 0.0113; elliptic, 5 ms, rise [mm]: 1.4 1.55; "
+        "elliptic, 5 ms, force over weight: 5.1 5.7; elliptic, 5 ms, error: 4e-4 5e-4; "
+        "elliptic, 1 ms, rise [mm]: 1.3 1.5; elliptic, 1 ms, force over weight: 5.1 5.7; "
+        "elliptic, 1 ms, error: 4.5e-4 5.4e-4; elliptic, 0.2 ms, rise [mm]: 1.3 1.5; "
+        "elliptic, 0.2 ms, force over weight: 5.1 5.7; elliptic, 0.2 ms, error: 4.4e-4 5.2e-4; "
+        "cure, 5 ms, rise [mm]: 0 6.2e-3; cure, 5 ms, error: 6.8e-6 7.8e-6; "
+        "cure, 1 ms, late [%]: -0.3 0.1; cure, 1 ms, rise [mm]: 0 2.9e-4; "
+        "cure, 1 ms, force over weight: 1 1.0002; cure, 1 ms, error: 2.4e-7 2.9e-7; "
+        "cure, 0.2 ms, rise [mm]: 0 1.2e-5; cure, 0.2 ms, error: 2e-8 6e-8",
     "mujoco_dry_friction":
         "default, 5 ms, along [ms]: 15 15; default, 5 ms, error: 8.8e-3 8.93e-3; "
         "hard, 5 ms, along [ms]: 10 10; hard, 5 ms, error: 1.7e-3 1.9e-3; "

@@ -43,7 +43,7 @@ GROUPS = {
 FAMILIES = {
     "study": (
         "Study an engine's settings: what each is worth, what accuracy costs, where they fail.",
-        "studies:ablation studies:convergence studies:cost studies:extremes",
+        "studies:ablation studies:cones studies:convergence studies:cost studies:extremes",
     ),
     "dynamics": (
         "Study the long-run motion: sections, exponents, attractors and bifurcations.",

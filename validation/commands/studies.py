@@ -57,6 +57,24 @@ def convergence(
     return once.present(convergence_study(loaded, settings, once.times(loaded), once.quick))
 
 
+def cones(
+    scene: options.SceneName,
+    /,
+    *,
+    control: options.Controls = (),
+    once: options.OnceOptions = options.ONCE,
+) -> int:
+    """Measure the errors of MuJoCo's friction cones over the friction, where the ball slips.
+
+    Example: robotball study cones classical_regular --quick
+    """
+    from ..results import controlled
+    from ..studies.cones import cones_study
+
+    loaded = controlled(scene, control)
+    return once.present(cones_study(loaded, once.times(loaded), once.quick))
+
+
 def cost(
     scene: options.SceneName,
     /,

@@ -131,7 +131,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
 # Commands run below or in the tests of studies, films and the table of the demo.
 ELSEWHERE = {
     *["check", "demo", "design", "export", "judge", "fit", "report", "steer", "video"],
-    *(f"study {name}" for name in ("ablation", "convergence", "cost", "extremes")),
+    *(f"study {name}" for name in ("ablation", "cones", "convergence", "cost", "extremes")),
     "dynamics chart",
 }
 

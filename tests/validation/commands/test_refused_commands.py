@@ -45,7 +45,7 @@ REFUSED = {
     "dynamics branches fig07 --over K3=0:1": "--of --help",
     "study": "robotball~study~--help",
     "check a.xml b.xml": "check 'b.xml' --help",
-    "study sweep": "'sweep' ablation convergence cost extremes",
+    "study sweep": "'sweep' ablation cones convergence cost extremes",
     "compare fig112": "fig112 fig12",
     "judge fig112 a.csv": "fig112 fig12",
     "compare fig12 --preset balancd": "preset 'balancd' balanced",

@@ -45,7 +45,7 @@ def cones_study(scene: Scene, times: Array, quick: bool) -> Study:
     if need * _FROM < mujoco.mjMINMU:
         raise InputError(
             f"{scene.name} rolls with a friction of {need:.3g}, and a part of {_FROM} of it is "
-            f"below MuJoCo's least, {mujoco.mjMINMU:g}: choose a scene that needs more"
+            f"below {LABEL.name}'s least, {mujoco.mjMINMU:g}: choose a scene that needs more"
         )
     rows, parts = [], np.geomspace(_FROM, _TO, _QUICK_COUNT if quick else _COUNT)
     with progress_bar(len(parts)) as show:

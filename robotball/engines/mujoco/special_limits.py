@@ -7,6 +7,7 @@ contacts and starts that differ from the recipe's.
 from dataclasses import dataclass
 from functools import partial
 
+import mujoco
 import numpy as np
 
 from robotball.engines.mujoco.limits import (
@@ -15,6 +16,7 @@ from robotball.engines.mujoco.limits import (
     PlannedRun,
     error_check,
     inverse_inertia,
+    percent,
 )
 from robotball.engines.mujoco.model import ROW_DAMPING, motors_of
 from robotball.motion import RATE_ERROR, path_unit
@@ -163,6 +165,36 @@ def late_friction(plan: PlannedRun) -> LimitCheck | None:
     within = plan.timestep * limit / value if value else np.inf
     effect = "friction that turns late will put a slipping ball off"
     return error_check(value, limit, effect, f"take a timestep below {within:.2g} s")
+
+
+def lifted(plan: PlannedRun) -> LimitCheck | None:
+    """Require d·b·|Wv| < g for a start with the slip v, or the cone lifts the ball off.
+
+    The normal row sees the slip times the coefficients W, with the damping b of friction and the
+    impedance d. Measured with spheres that slide or spin: in contact at 0.95 of the limit, and off
+    the plane at 1.05, or from 1.2 or 1.5 on if the slip ends within some hundred steps.
+    """
+    if not plan.settings.slips or not plan.scene.start.slips:
+        return None
+    slide, spin, _ = plan.friction
+    slip = float(np.linalg.norm(plan.scene.start.slip * [slide, slide, spin]))
+    value, limit = plan.impedance * plan.friction_damping * slip, -plan.scene.gravity_world[2]
+    part = percent(limit / value) if value else ""
+    warning = (
+        f"the cone will push the slipping ball up with {value:.4g} m/s², more than gravity's "
+        f"{limit:.4g}: start with {part} of the slip, or give less friction"
+    )
+    return LimitCheck(value, limit, warning)
+
+
+def raised_friction(plan: PlannedRun) -> LimitCheck | None:
+    """Require friction coefficients of 1e-5, to which MuJoCo raises smaller ones in silence."""
+    value, limit = min(plan.friction[: plan.condim // 2]), mujoco.mjMINMU
+    warning = (
+        f"MuJoCo will raise a coefficient of friction from {value:.4g} to {limit:g} without a "
+        f"warning: give {limit:g} at least"
+    )
+    return LimitCheck(value, limit, warning, least=True)
 
 
 def friction_row(plan: PlannedRun) -> LimitCheck | None:
@@ -375,6 +407,8 @@ _OF_ROBOTS = (
 )  # fmt: skip
 _OF_CONTACTS = (
     late_friction,
+    lifted,
+    raised_friction,
     contact_dimension,
     drag,
     frame_as_root,

@@ -24,6 +24,7 @@ from robotball.robot.variations import scaled
 from tests.messages import naming, unnamed
 from tests.motions import Pair, pair_of
 from tests.random_balls import ball_of_points
+from tests.robotball.theory.test_friction import sphere
 from tests.robots import Y, low_weight, pendulum_ball, robot, swing, worked
 
 pytestmark = pytest.mark.core
@@ -90,6 +91,11 @@ def swung(frequency: float, amplitude: float = 1.0) -> rb.Scene:
     return FIG12.with_hinges(command={"frame": sine})
 
 
+def slipping(speed: float, friction: float = 0.3) -> rb.Scene:
+    """A solid sphere of 0.1 m that slides and does not turn yet."""
+    return sphere((speed, 0.0), (0.0, 0.0, 0.0), Friction(friction))
+
+
 # With its rotor at 30 times its rate the ball rotates by 2.2 rad per step inside, 3.0 beyond.
 ROTORS = FIG12.with_hinges(command={"rotor1": 30 * 148.0})
 TURN = PlannedRun(ROTORS, FAST, 1.0).rotation_rate
@@ -98,7 +104,7 @@ PGS: dict[str, Any] = {"noslip_iterations": 0}
 HARDER = {**PGS, "condim": 6, "solimp": (1 - 1e-9, 1 - 1e-9, 0.001, 0.5, 1.0)}
 FALLING: dict[str, Any] = {"timestep": 5e-3, "start_in_equilibrium": False}
 UNTIMELY: dict[str, Any] = {"iterations": 50, "start_in_equilibrium": False}
-SLOW, DAMPED = {"timestep": 2e-3}, {"timestep": 5e-3}
+SLOW, DAMPED, FINE = {"timestep": 2e-3}, {"timestep": 5e-3}, {"timestep": 1e-3}
 
 # (prediction, scene, settings, duration, measure, upper bound inside, lower bound beyond); a list
 # gives the values inside and beyond the limit. The comment after a row has the measured errors.
@@ -147,6 +153,9 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] 
     "PGS with condim 6, impedance above .9999": (
         limits.friction_block, heavy(FIG12, 4.22e8, 4.67e8), HARDER,
         1.0, "slip", 1.2e-3, 9.0),  # 4e-4 and 9.3 m/s
+    # The sphere has 0.95 and 1.05 of the slip at which the cone pushes it up with g.
+    "a fast slip": (special_limits.lifted, [slipping(62.0), slipping(68.5)], FINE,
+        0.1, "lost", 0.5, 0.5),
     # With armatures of 1e14, MuJoCo's default tolerance leaves the ball without contact.
     "tolerance, Newton": (limits.solver_tolerance, FIG12,
         {**UNTIMELY, "solver": "Newton", "tolerance": [1e-10, 1e-8]}, 1.0, "lost", 0.5, 0.5),
@@ -176,7 +185,6 @@ SOFT: dict[str, Any] = {
     "iterations": 50,
     "solreffriction": None,
 }
-FINE = {"timestep": 1e-3}
 
 
 def impedance(d: float) -> tuple[float, float, float, float, float]:
@@ -363,6 +371,25 @@ def test_mujoco_raises_a_short_time_constant_to_two_steps() -> None:
     assert ends[0] == ends[1]
 
 
+def test_mujoco_raises_a_friction_below_its_least() -> None:
+    """The motions are equal to the last bit; only the limit reveals it."""
+    ends = []
+    for friction, beyond in ((1e-6, True), (1e-5, False)):
+        scene = slipping(1.0, friction)
+        limit = limit_of(special_limits.raised_friction, scene, FAST, 1.0)
+        assert limit.exceeded == beyond
+        motion = rb.simulate(scene, np.array([0.0, 1.0]), settings=FAST)
+        ends.append(motion.contact_point[1].tolist())
+    assert ends[0] == ends[1]
+    line = exceeded(slipping(1.0, 1e-6), FAST, scene.times)["raised_friction"].warning
+    assert unnamed("friction 1e-06 1e-05", line) == []
+
+
+def test_a_slip_that_lifts_the_ball_is_told_with_the_slip_that_does_not() -> None:
+    line = exceeded(slipping(685.0), rb.preset("accurate"), np.array([0.0, 0.1]))["lifted"].warning
+    assert unnamed("cone slip 103 9.81 9.5~%", line) == []
+
+
 def test_presets_exceed_no_limit_on_catalog_scenes_and_random_balls() -> None:
     """Except "fast" on servo_motors, whose servos are too strong for steps of 20 ms."""
     for scene in (*map(rb.load_scene, rb.catalog()), *map(ball_of_points, range(4))):
@@ -449,7 +476,8 @@ def checks() -> Iterator[tuple[str, LimitCheck]]:
         for settings in (rb.preset("naive"), rb.preset("adaptive"), recipe("x", 1e-2), other):
             yield from limit_checks(PlannedRun(scene, settings, 10.0)).items()
     slick = replace(FIG12, friction=Friction(0.5, 0.5), duration=1.0)
-    yield from limit_checks(PlannedRun(slick, FAST, 1.0)).items()
+    for scene in (slick, slipping(1.0)):
+        yield from limit_checks(PlannedRun(scene, FAST, 1.0)).items()
 
 
 def test_every_limit_has_a_nearness_and_a_warning() -> None:

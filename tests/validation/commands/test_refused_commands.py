@@ -23,7 +23,10 @@ MISTYPED = {
     "--preset": ("--presett", "compare,report,fit,video,view,steer,study convergence"),
     "--keep-going": ("--keepgoing", "compare"),
     "--no-plots": ("--no-plot", "compare"),
-    "--out": ("--outt", "demo,design,study ablation,study cost,study extremes,dynamics chart"),
+    "--out": (
+        "--outt",
+        "demo,design,study ablation,study cones,study cost,study extremes,dynamics chart",
+    ),
     "--duration": ("--durration", "engines,export"),
     "--help": ("--hlep", "scenes"),
 }

@@ -30,7 +30,7 @@ _COLOURS = {"pyramidal": INK, "elliptic": LABEL.colour, "recipe": ACCENT}
 _INCHES = (9.0, 5.6)
 
 
-def contacts(scene: Scene, step: float) -> Mapping[str, Settings]:
+def _contacts(scene: Scene, step: float) -> Mapping[str, Settings]:
     """Return MuJoCo's default contact with both cones, and the recipe for a ball that slips."""
     whole = replace(preset("balanced"), stop_at_fault=False)
     slipping = for_slip(scene, whole, step)
@@ -56,7 +56,7 @@ def cones_study(scene: Scene, times: Array, quick: bool) -> Study:
             theory = integrate(limited, times)
             for step in _STEPS:
                 row = {"part": part, "friction": part * need, "step": step}
-                for name, settings in contacts(limited, step).items():
+                for name, settings in _contacts(limited, step).items():
                     motion = run(build(limited, settings), times)
                     whole = len(motion.times) == len(times)
                     row[name] = known(path_error(motion, theory)) if whole else None

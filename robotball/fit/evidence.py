@@ -24,7 +24,7 @@ _CURVED = 0.02  # of an unknown's size: deviation above which nonlinearity is ch
 _FAR, _RISE = 3.0, 4.0  # deviations, and the rise of χ² that is required within them
 _AT_LIMIT = 1e-3  # of an unknown's size: distance that counts as being at a limit
 _SHARE = 0.15  # of a direction's largest component: smaller components are ignored
-_SHOWN = 3.5  # deviations from 0 above which the readings show a circumstance
+SHOWN = 3.5  # deviations from 0 above which the readings show a circumstance
 _EXCLUDED = 2.0  # deviations above the best amount that the readings do not exclude
 _SLIGHT = 0.01  # of a plausible amount: a smaller possible amount is not reported
 _WINDOWS = 20  # parts of a log, among which the first unexplained one is sought
@@ -225,7 +225,7 @@ def influences(
     for i, column in enumerate((columns + J @ steps).T):
         deviation = 1 / max(float(np.linalg.norm(column)), NO_EVIDENCE)
         amount = max(-float(column @ left) * deviation**2, others[i].low)
-        shown = abs(amount) > _SHOWN * deviation
+        shown = abs(amount) > SHOWN * deviation
         reach = min(plausible[i] / others[i].size, abs(amount) + _EXCLUDED * deviation)
         change = (amount if shown else reach) * moved[:, i]
         ratios = [

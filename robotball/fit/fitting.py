@@ -280,9 +280,31 @@ def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> FittedLog:
     attitude = next(attitudes, scene.start.attitude)
     omega = first.get("gyro", scene.angular_velocity_at(scene.start))
     started = replace(started, start=Start(attitude, np.zeros(3)))
-    started = replace(started, start=Start(attitude, started.momentum_of(omega)))
+    slip = _first_slip(started, log, dict(zip(first, sizes, strict=True)), omega)
+    if slip is None:
+        slip = scene.start.slip
+    started = replace(started, start=Start(attitude, started.momentum_of(omega), slip))
     estimated = tuple(sensor.name not in noise for sensor in log.sensors)
     return FittedLog(log, tuple(sizes), estimated, started)
+
+
+def _first_slip(scene: Scene, log: Log, noise: Mapping[str, float], omega: Array) -> Array | None:
+    """Return the slip of a start (3,) that the first readings show; None if they cannot show it.
+
+    omega (3,): of the frame at the start, frame axes [rad/s].
+    """
+    place = next((s for s in log.sensors if s.name == "position"), None)
+    if place is None or "gyro" not in noise or not scene.may_slip:
+        return None
+    t = place.times[:FIRST] - place.times[:FIRST].mean()
+    velocity = t @ place.values[:FIRST, :2] / (t @ t)
+    x, y, z = scene.start.to_world @ (omega - scene.hinges[0].rate * scene.ball.shell.axis)
+    a, plane = scene.ball.radius, scene.plane_velocity(0.0, np.zeros(2))
+    slip = np.array([velocity[0] - a * y, velocity[1] + a * x, z]) - plane
+    slide = float(np.hypot(noise["position"] / np.sqrt(t @ t), a * noise["gyro"]))
+    errors = np.array([slide, slide, noise["gyro"]])
+    limited = np.isfinite(scene.slip_limits)
+    return np.where(limited, slip, 0.0) * bool((np.abs(slip) > evidence.SHOWN * errors)[limited].any())
 
 
 def _solved(

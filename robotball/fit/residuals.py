@@ -42,8 +42,11 @@ _DIFFERENCE = 1e-3  # of an unknown's size, for finite differences
 # Difference and tolerance if the equations integrate neighbours with the same steps: their errors
 # are almost equal, and a derivative is off by 1e-4 of itself.
 _SMALL, _ROUGH_RTOL = 1e-6, 1e-7
+# The difference if the shell may slip. The slip velocities of neighbours must be almost equal when
+# the slip ends, at `friction._STOPPED`. A derivative is off by 1e-4 of itself, too, by rounding.
+_SMALL_OF_SLIPS = 1e-9
 _LEAST = 1e-12  # of its initial value: lower limit of a positive number
-_POSITIVE = {"mass", "density", "radius", "kv", "kp", "gravity", "rolling"}
+_POSITIVE = {"mass", "density", "radius", "kv", "kp", "gravity", "rolling", "sliding", "torsional"}
 _POSITIVE |= {"torque_limit", "stall_torque"}
 WHOLE = ".inertia"  # suffix of a body's name: its mass, centre and inertia as a whole
 _MOMENTS = ("x.x", "x.y", "x.z", "y.y", "y.z", "z.z")
@@ -80,8 +83,8 @@ class Unknown:
 
     @property
     def of_start(self) -> bool:
-        """Whether it belongs to the initial state, which is always fitted."""
-        return self.name.startswith("start.")
+        """Whether it belongs to a rolling initial state, which is always fitted."""
+        return self.name.startswith("start.") and not self.name.startswith("start.slip.")
 
 
 @dataclass(frozen=True)
@@ -217,6 +220,13 @@ def of_log(scene: Scene, log: Log, at: int, freed: Sequence[str]) -> Iterator[Un
         if hinge.motor is not None:
             yield new(f"start.{hinge.name}_angle", hinge.angle, 0.1, "rad")
             yield new(f"start.{hinge.name}_rate", hinge.rate, 0.1, "rad/s")
+    if scene.start.slips:  # otherwise the shell sticks at the start
+        units = "m/s", "m/s", "rad/s"
+        for axis, value, unit, limit in zip(
+            "xyz", scene.start.slip.tolist(), units, scene.slip_limits, strict=True
+        ):
+            if np.isfinite(limit):
+                yield new(f"start.slip.{axis}", value, 0.1, unit)
     if "position" in sensors and "world.origin" not in freed:
         place = np.median(sensors["position"].values[:FIRST, :2], axis=0)
         for axis, value in zip("xy", place.tolist(), strict=True):
@@ -313,7 +323,8 @@ class Residuals:
         momentum = initial.momentum.copy()
         for i, axis in enumerate("xyz"):
             momentum[i] += of_log.get(f"start.momentum.{axis}", 0.0)
-        return replace(scene, start=Start(turned(initial.attitude, turn), momentum))
+        slip = np.array([of_log.get(f"start.slip.{axis}", 0.0) for axis in "xyz"])
+        return replace(scene, start=Start(turned(initial.attitude, turn), momentum, slip))
 
     def log_values(self, k: int, values: Array) -> dict[str, Array]:
         """Return the initial state and the circumstances of a log, keyed by name."""
@@ -376,14 +387,15 @@ class Residuals:
         if self.run is not by_equations:
             return {}
         x = np.array(at)
-        values = {j: self.values(x + _SMALL * (np.arange(len(x)) == j)) for j in self._moving[k]}
-        here = self.values(x)
+        here, accelerates = self.values(x), any(s.name == "accelerometer" for s in self.logs[k].log.sensors)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SceneWarning)
             first, times, at_times = self._inputs(k, here)
-            if first.controller is not None:
+            # Motions that are integrated together do not have the slip that an accelerometer feels.
+            if first.controller is not None or (first.may_slip and accelerates):
                 return {}
-            scenes = {}
+            small, scenes = _SMALL_OF_SLIPS if first.may_slip else _SMALL, {}
+            values = {j: self.values(x + small * (np.arange(len(x)) == j)) for j in self._moving[k]}
             for j, others in values.items():
                 with suppress(InputError):  # impossible numbers
                     scene, scene_times, _ = self._inputs(k, others)
@@ -399,7 +411,7 @@ class Residuals:
         rows = [np.searchsorted(times, sensor_times) for sensor_times in at_times]
         before = self._weighed(k, self._apart(k, here, motions[0], rows))
         return {
-            j: (self._weighed(k, self._apart(k, values[j], motion, rows)) - before) / _SMALL
+            j: (self._weighed(k, self._apart(k, values[j], motion, rows)) - before) / small
             for j, motion in zip(scenes, motions[1:], strict=True)
         }
 

@@ -54,6 +54,8 @@ class _SceneNumbers(Numbers):
         tables["start"] = {
             "attitude": start.start.attitude.tolist(),
             "momentum_world": start.start.momentum.tolist(),
+            "slip": start.start.slip[:2].tolist(),
+            "spin": float(start.start.slip[2]),
         }
         for hinge in start.hinges:
             table = _body_table(tables, hinge.name)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robotball.errors import InputError, unknown
 from robotball.fit.logs import Sensor
-from robotball.motion import Motion
+from robotball.motion import Motion, ReferenceMotion
 from robotball.robot.motors import DCMotor
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, multiply, rotation_matrix, turn_between
@@ -212,6 +212,8 @@ def _specific_force(motion: Motion, rows: Rows, amounts: Mapping[str, Array]) ->
     turning = np.einsum("nij,nj->ni", to_world, of_shell(motion))
     velocity = scene.ball.radius * np.cross(turning, _VERTICAL)
     velocity[:, :2] += scene.plane_velocity(motion.times, motion.contact_point)[:, :2]
+    if isinstance(motion, ReferenceMotion) and motion.slip is not None:
+        velocity[:, :2] += motion.slip[:, :2]
     gap = (motion.times[after] - motion.times[before])[:, None]
     centre = (velocity[after] - velocity[before]) / gap - scene.gravity_at(motion.times[at])
     omega = motion.angular_velocity

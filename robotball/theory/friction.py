@@ -101,6 +101,9 @@ def _stick(system: System, t: float, state: Array) -> Array:
             row[MOMENTUM : MOMENTUM + 3] = across(row[MOMENTUM : MOMENTUM + 3])
     system.modes = system.modes._replace(slipping=False, ahead=_FREE)
     if grip(system, system.readings(t, held)) > 1:
+        if len(system.scenes) > 1:
+            # Neighbours turn at other times, and their forces jump there.
+            raise InputError(f"{system.scene.name}: its slip turns at t = {t:.6g} s")
         return slide(system, t, held)
     _record(system, t, slips=False)
     return held

@@ -48,7 +48,7 @@ class SlipSteps:
         self.system, self.t, self.end, self.state = system, t, end, state
         self.next_step, begins = _FIRST, np.any(system.modes.ahead)
         system.rate(t, state)
-        slips = system.weights * system.slips_at_stages()[:, -1]
+        slips = (system.all_weights * system.slips_at_stages())[:, -1]
         # The directions of Wv (k, 3). Where slip begins, v and its rate are only rounding.
         ahead = np.zeros_like(slips) + system.modes.ahead[:, 0] if begins else slips
         self._ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -91,7 +91,7 @@ class SlipSteps:
         times = np.minimum(times, system.end)  # a rate may jump there
         system.stages(times, NUDGE, weights, self.state, begin, slopes)
         system.modes = modes
-        slips = system.weights * system.slips_at_stages()
+        slips = system.all_weights * system.slips_at_stages()
         self._turned = (slips[:, 5:] - slips[:, 4:5]) / (NUDGE * _TURN)
         rates = slopes[:4].reshape(4, len(slips), -1).transpose(1, 0, 2)
         self._by_turn = (rates[:, 1:] - rates[:, :1]) / _TURN
@@ -117,7 +117,7 @@ class SlipSteps:
             system.modes = modes._replace(ahead=directions)
             system.stages(times, length, _IN_TURN, self.state, begin, slopes)
             system.modes = modes
-            slips = system.weights * system.slips_at_stages()
+            slips = system.all_weights * system.slips_at_stages()
             speeds = (slips * directions).sum(axis=2, keepdims=True)
             if sweep == 0:
                 inverse = self._inverse(length, directions, np.maximum(speeds, _TINY))

@@ -40,8 +40,11 @@ class System:
         self.scene, self.count = first, len(hinges)
         given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges] + [True] * 3)
         motors = np.stack([_laws_of(scene) for scene in scenes])
-        self.friction = first.slip_limits
-        self.weights = np.where(np.isfinite(self.friction), self.friction, 0.0)
+        limits = np.stack([scene.slip_limits for scene in scenes])
+        self.friction = limits[0]
+        # The diagonals of W (k, 1, 3) of k robots.
+        self.all_weights = np.where(np.isfinite(limits), limits, 0.0)[:, None]
+        self.weights = self.all_weights[0, 0]
         self.slips = first.contact_moves  # the state has the momentum along slip
         moves = not first.plane_is_still
         self.slip_events: list[tuple[float, bool]] = []  # time [s], and whether slip begins there
@@ -63,7 +66,7 @@ class System:
             given,
             first.rolling == "rubber",
             np.array([float(scene.friction.rolling) for scene in scenes]),
-            np.tile(self.friction[1:], (len(scenes), 1)),
+            limits[:, 1:].copy(),
         )
         widths = self.count, self.count, motors.shape[1], 3, 5
         self._inputs = Inputs(*(np.zeros((len(scenes), STAGES, width)) for width in widths))

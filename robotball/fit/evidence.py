@@ -22,6 +22,7 @@ _DOUBT = 1e-3  # probability below which chance is not accepted as an explanatio
 _UNKNOWN = 0.5  # of an unknown's size: standard deviation above which it is not determined
 _CURVED = 0.02  # of an unknown's size: deviation above which nonlinearity is checked
 _FAR, _RISE = 3.0, 4.0  # deviations, and the rise of χ² that is required within them
+_UNLIMITED = 100.0  # of its size: increase of a friction, which then is not reached
 _AT_LIMIT = 1e-3  # of an unknown's size: distance that counts as being at a limit
 _SHARE = 0.15  # of a direction's largest component: smaller components are ignored
 SHOWN = 3.5  # deviations from 0 above which the readings show a circumstance
@@ -142,7 +143,13 @@ def estimates_at(
             Estimate(unknown.full_name, value, spread, began, unknown.unit, determined)
         )
     undetermined = [f"{name}: {_STILL}" for name in names]
-    return estimates, covariance, [*undetermined, *_undetermined(covariance, unknowns)]
+    undetermined += _undetermined(covariance, unknowns)
+    undetermined += [
+        f"{ended[i].name} is at least about {need:.3g}, the most that the motions need"
+        for i, need in residuals.needs(x).items()
+        if not estimates[freed.index(i)].determined
+    ]
+    return estimates, covariance, undetermined
 
 
 def _covariance(J: Array) -> Array:
@@ -166,10 +173,15 @@ def _widened(
     scale, squares = np.ones(len(x)), chi2_of(residuals(x))
     for i, unknown in enumerate(ended):
         deviation = float(np.sqrt(covariance[i, i]))
-        if unknown.of_start or deviation < _CURVED:
+        hold = slopes[i] / (NO_EVIDENCE * deviation)
+        if unknown.of_friction:
+            # A motion that hardly slips may as well roll.
+            rolling = x + _UNLIMITED * (np.arange(len(x)) == i)
+            if _refitted(rolling, hold, residuals) < squares + _RISE:
+                scale[i] = max(2 * _UNKNOWN / deviation, 1.0)
+        if unknown.of_start or unknown.of_friction or deviation < _CURVED:
             continue
         far = np.copysign(_FAR, unknown.value) * np.linalg.solve(slopes, covariance[i]) / deviation
-        hold = slopes[i] / (NO_EVIDENCE * deviation)
         while scale[i] * deviation < _UNKNOWN and (
             _refitted(x + scale[i] * far, hold, residuals) < squares + _RISE
         ):

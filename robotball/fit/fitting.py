@@ -45,6 +45,8 @@ _ROUGHLY = 1e-2  # relative decrease of χ² at which a part of the logs is fini
 # Last steps, which use central differences, and the fractions of a step that are tried. The fit has
 # converged if none lowers χ² by more than _SHORT.
 _LAST_STEPS, _FRACTIONS, _SHORT = 3, (1.0, 0.25, 0.06), 1.0
+# The need over a friction that is reached, and over a lower friction that is tried.
+_REACHED, _LOWERED = 0.999, 0.9
 _MOST_TRIALS = 40  # per part of the logs, so that a hopeless fit ends within seconds
 
 
@@ -303,8 +305,8 @@ def _first_slip(scene: Scene, log: Log, noise: Mapping[str, float], omega: Array
     slip = np.array([velocity[0] - a * y, velocity[1] + a * x, z]) - plane
     slide = float(np.hypot(noise["position"] / np.sqrt(t @ t), a * noise["gyro"]))
     errors = np.array([slide, slide, noise["gyro"]])
-    limited = np.isfinite(scene.slip_limits)
-    return np.where(limited, slip, 0.0) * bool((np.abs(slip) > evidence.SHOWN * errors)[limited].any())
+    slip[np.isinf(scene.slip_limits)] = 0.0
+    return slip * bool((np.abs(slip) > evidence.SHOWN * errors).any())
 
 
 def _solved(
@@ -342,8 +344,18 @@ def _solved(
         # A trial may lead to an impossible body.
         jacobian = partial(_jacobian_with_prior, residuals=residuals, prior=prior)
         ftol = _NO_GAIN / len(first) if part == 1 else _ROUGHLY
+        solve = partial(
+            minimize, with_prior, jac=jacobian, bounds=(low, high), ftol=ftol, max_nfev=_MOST_TRIALS
+        )
         with np.errstate(over="ignore", invalid="ignore"):
-            x = minimize(with_prior, x, jacobian, (low, high), ftol=ftol, max_nfev=_MOST_TRIALS).x
+            x = solve(x).x
+            # A friction that no motion reaches has no effect, so a lower one is tried.
+            lower = x.copy()
+            for j, need in residuals.needs(x).items():
+                if need < _REACHED * residuals.values(x)[j]:
+                    lower[j] = (_LOWERED * need - unknowns[j].value) / unknowns[j].size
+            if (lower < x).any() and (lower >= low).all():
+                x = min(x, solve(lower).x, key=lambda end: chi2_of(with_prior(end)))
         if progress is not None:
             progress(part, chi2_of(with_prior(x)) / len(first))
     for _ in range(_LAST_STEPS):

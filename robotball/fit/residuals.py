@@ -82,6 +82,11 @@ class Unknown:
         return self.of + self.name
 
     @property
+    def of_friction(self) -> bool:
+        """Whether it is a limit of the friction, without effect unless a motion reaches it."""
+        return self.name in ("friction.sliding", "friction.torsional")
+
+    @property
     def of_start(self) -> bool:
         """Whether it belongs to a rolling initial state, which is always fitted."""
         return self.name.startswith("start.") and not self.name.startswith("start.slip.")
@@ -366,6 +371,17 @@ class Residuals:
         circumstances, sensors = self.log_values(k, values), self.logs[k].log.sensors
         return [apart(s, motion, r, circumstances) for s, r in zip(sensors, rows, strict=True)]
 
+    def needs(self, x: Array) -> dict[int, float]:
+        """Return the largest need of the motions for each free limit of friction, by its index."""
+        values, needs = self.values(x), {}
+        results = [self._motion(k, tuple(values[m].tolist())) for k, m in enumerate(self._moving)]
+        loads = [result[0].loads for result in results if result is not None]
+        for j, unknown in enumerate(self.unknowns):
+            if unknown.of_friction:
+                kind = unknown.name.replace("friction.", "") + "_friction"
+                needs[j] = max(float(getattr(load, kind).max()) for load in loads)
+        return needs
+
     def _part(self, k: int, x: Array) -> Array:
         differences = self.of_log(k, x)
         if differences is None:
@@ -387,12 +403,12 @@ class Residuals:
         if self.run is not by_equations:
             return {}
         x = np.array(at)
-        here, accelerates = self.values(x), any(s.name == "accelerometer" for s in self.logs[k].log.sensors)
+        here, names = self.values(x), [sensor.name for sensor in self.logs[k].log.sensors]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SceneWarning)
             first, times, at_times = self._inputs(k, here)
             # Motions that are integrated together do not have the slip that an accelerometer feels.
-            if first.controller is not None or (first.may_slip and accelerates):
+            if first.controller is not None or (first.may_slip and "accelerometer" in names):
                 return {}
             small, scenes = _SMALL_OF_SLIPS if first.may_slip else _SMALL, {}
             values = {j: self.values(x + small * (np.arange(len(x)) == j)) for j in self._moving[k]}

@@ -233,19 +233,27 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
     omega, omega_error = _angular_velocity(trajectory)
     angles, hinge_rates = _hinges(scene, trajectory)
     to_world = rotation_matrix(attitude)
-    momentum, momentum_error = trajectory.momentum, np.zeros(len(times))
-    if momentum is None:
-        states = scene.robot.states(to_world[:, 2], angles, omega, hinge_rates)
-        momentum = np.einsum("nij,nj->ni", to_world, states.momentum(scene.rolling))
-        # L = Ĩω + …, with inertia of at most I + d in any direction.
-        largest = np.linalg.eigvalsh(scene.ball.inertia)[-1] + scene.ball.d
-        momentum_error = largest * omega_error
     velocity, velocity_error = sampled_rates(times, trajectory.position[:, :2])
     shell = omega - np.outer(hinge_rates[:, 0], scene.ball.shell.axis)
     omega_world = np.einsum("nij,nj->ni", to_world, shell)
     per_radius = omega_world[:, [1, 0]] * [1.0, -1.0]  # v = a (ω - Ω)×e_z
     of_plane = scene.plane_velocity(times, trajectory.position[:, :2])
-    rolled = scene.ball.radius * per_radius + of_plane[:, :2]
+    turned = scene.ball.radius * per_radius
+    rolled = turned + of_plane[:, :2]
+    momentum, momentum_error = trajectory.momentum, np.zeros(len(times))
+    if momentum is None:
+        gamma = to_world[:, 2]
+        states = scene.robot.states(gamma, angles, omega, hinge_rates)
+        momentum = states.momentum(scene.rolling)
+        # L = Ĩω + …, with inertia of at most I + d in any direction.
+        largest = np.linalg.eigvalsh(scene.ball.inertia)[-1] + scene.ball.d
+        momentum_error = largest * omega_error
+        if scene.contact_moves:
+            moved, pushes = velocity - turned, states.pushes[:, :3]
+            pushed = np.einsum("nji,nj,ikn->nk", to_world[:, :2], moved, pushes)
+            momentum += np.cross(gamma, pushed) if scene.rolling == "rubber" else pushed
+            momentum_error += np.linalg.norm(pushes, axis=(0, 1)) * velocity_error
+        momentum = np.einsum("nij,nj->ni", to_world, momentum)
     squares = float((per_radius**2).sum())
     if scene.not_reduced:
         loads = Loads.unknown(len(times), len(scene.hinges))

@@ -237,9 +237,7 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
     shell = omega - np.outer(hinge_rates[:, 0], scene.ball.shell.axis)
     omega_world = np.einsum("nij,nj->ni", to_world, shell)
     per_radius = omega_world[:, [1, 0]] * [1.0, -1.0]  # v = a (ω - Ω)×e_z
-    of_plane = scene.plane_velocity(times, trajectory.position[:, :2])
-    turned = scene.ball.radius * per_radius
-    rolled = turned + of_plane[:, :2]
+    slip = scene.slip_of(times, trajectory.position[:, :2], velocity, omega_world)
     momentum, momentum_error = trajectory.momentum, np.zeros(len(times))
     if momentum is None:
         gamma = to_world[:, 2]
@@ -249,9 +247,10 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
         largest = np.linalg.eigvalsh(scene.ball.inertia)[-1] + scene.ball.d
         momentum_error = largest * omega_error
         if scene.contact_moves:
-            moved, pushes = velocity - turned, states.pushes[:, :3]
+            moved, pushes = velocity - scene.ball.radius * per_radius, states.pushes[:, :3]
             pushed = np.einsum("nji,nj,ikn->nk", to_world[:, :2], moved, pushes)
-            momentum += np.cross(gamma, pushed) if scene.rolling == "rubber" else pushed
+            pushed = np.cross(gamma, pushed) if scene.rolling == "rubber" else pushed
+            momentum = momentum + pushed
             momentum_error += np.linalg.norm(pushes, axis=(0, 1)) * velocity_error
         momentum = np.einsum("nij,nj->ni", to_world, momentum)
     squares = float((per_radius**2).sum())
@@ -266,9 +265,9 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
         momentum=momentum, momentum_error=momentum_error,
         angular_velocity=omega, angular_velocity_error=omega_error,
         hinge_angles=angles, hinge_rates=hinge_rates, loads=loads,
-        slip=np.linalg.norm(velocity - rolled, axis=1),
+        slip=np.linalg.norm(slip[:, :2], axis=1),
         slip_error=velocity_error + scene.ball.radius * omega_error,
-        spin=omega_world[:, 2] - of_plane[:, 2], spin_error=omega_error,
+        spin=slip[:, 2], spin_error=omega_error,
         # Least squares of v = r (ω - Ω)×e_z over all samples.
         rolling_radius=float((velocity * per_radius).sum()) / squares if squares else np.nan,
         height=trajectory.position[:, 2],

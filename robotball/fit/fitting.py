@@ -300,10 +300,10 @@ def _first_slip(scene: Scene, log: Log, noise: Mapping[str, float], omega: Array
         return None
     t = place.times[:FIRST] - place.times[:FIRST].mean()
     velocity = t @ place.values[:FIRST, :2] / (t @ t)
-    x, y, z = scene.start.to_world @ (omega - scene.hinges[0].rate * scene.ball.shell.axis)
-    a, plane = scene.ball.radius, scene.plane_velocity(0.0, np.zeros(2))
-    slip = np.array([velocity[0] - a * y, velocity[1] + a * x, z]) - plane
-    slide = float(np.hypot(noise["position"] / np.sqrt(t @ t), a * noise["gyro"]))
+    turning = scene.start.to_world @ (omega - scene.hinges[0].rate * scene.ball.shell.axis)
+    slip = scene.slip_of(0.0, np.zeros(2), velocity, turning)
+    of_gyro = scene.ball.radius * noise["gyro"]
+    slide = float(np.hypot(noise["position"] / np.sqrt(t @ t), of_gyro))
     errors = np.array([slide, slide, noise["gyro"]])
     slip[np.isinf(scene.slip_limits)] = 0.0
     return slip * bool((np.abs(slip) > evidence.SHOWN * errors).any())

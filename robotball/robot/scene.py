@@ -579,6 +579,16 @@ class Scene(Value):
         x, y = turntable_velocity(spin, (points[..., 0], points[..., 1]))
         return np.stack([x, y, spin + 0 * x], axis=-1)
 
+    def slip_of(self, t: Any, points: Array, velocity: Array, turning: Array) -> Array:
+        """Return the slip (..., 3) of a shell at points (..., 2) and times t (...).
+
+        It is as in `Start`, relative to the plane. velocity (..., 2): of the sphere's centre [m/s];
+        turning (..., 3): angular velocity of the shell, world axes [rad/s].
+        """
+        a, spin = self.ball.radius, turning[..., 2]
+        x, y = velocity[..., 0] - a * turning[..., 1], velocity[..., 1] + a * turning[..., 0]
+        return np.stack([x, y, spin], axis=-1) - self.plane_velocity(t, points)
+
     def plane_acceleration(self, t: float, x: float, y: float, vx: float, vy: float) -> list[float]:
         """Return the rate of `plane_velocity` at a point (x, y) [m] that moves with (vx, vy) [m/s].
 

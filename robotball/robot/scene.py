@@ -680,10 +680,11 @@ class Scene(Value):
     def keeps_momentum(self) -> bool:
         """True if M is constant in space: balanced, on a level plane that does not brake the ball.
 
-        The plane may move up and down, but not turn. M is not constant if the ball rolls with
-        resistance or slips.
+        The plane may move up and down, but not turn. The ball may slip: sliding friction has no
+        moment about the contact point, and torsional friction none about a horizontal axis. With
+        resistance to rolling M is not constant.
         """
-        if self.friction.rolling or self.contact_moves:
+        if self.friction.rolling or self.plane_turns:
             return False
         return self.level and not self._off_centre
 

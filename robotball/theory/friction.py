@@ -9,7 +9,7 @@ coefficient cannot slip.
 * Slip: f = -N W²v/|Wv|, the force in the cone with maximum dissipation; Coulomb's law if W = μ.
 
 While the shell slips, the state has the horizontal momentum P, and L in place of M in the rubber
-model. M is not constant then.
+model.
 """
 
 import math

@@ -110,7 +110,8 @@ class PlannedRun(Resolved):
         """
         scene = self.scene
         prescribed = all(isinstance(hinge.motor, Servo | None) for hinge in scene.hinges)
-        return scene.keeps_momentum and prescribed and not scene.ball.pendulums
+        rolls = scene.keeps_momentum and not scene.may_slip
+        return rolls and prescribed and not scene.ball.pendulums
 
     @property
     def plain(self) -> bool:

@@ -108,6 +108,26 @@ def regular(mu: float) -> rb.Scene:
 
 
 @pytest.mark.parametrize(
+    "scene",
+    [regular(0.3), replace(rb.load_scene("fig12"), friction=Friction(0.5, 0.005))],
+    ids=["classical", "rubber"],
+)
+def test_a_balanced_ball_that_slips_keeps_its_momentum(scene: rb.Scene) -> None:
+    """Measured 2e-16. Friction acts at the contact point, about which M is taken.
+
+    With resistance to rolling M changes by 0.04.
+    """
+    motion, braked = (
+        rb.integrate(replace(scene, friction=replace(scene.friction, rolling=resistance)), 1.0)
+        for resistance in (0.0, 0.02)
+    )
+    assert motion.slipping
+    changes = [np.ptp(m.momentum, axis=0).max() / scene.momentum_scale for m in (motion, braked)]
+    assert changes[0] < 1e-14 < 1e-2 < changes[1]
+    assert (scene.keeps_momentum, braked.scene.keeps_momentum) == (True, False)
+
+
+@pytest.mark.parametrize(
     ("scene", "time", "point", "events"),
     [
         (

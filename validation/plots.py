@@ -122,8 +122,12 @@ class _Sheet:
         The title.
     lines : sequence of _Line
         The motions, the reference first.
+    slip_paths : sequence of (k, 2), m
+        The parts of the reference's path on which the ball slips.
+    slips : sequence of (float, float), s
+        The intervals in which the ball slips.
     momentum : str
-        A text with M if it is constant, otherwise "".
+        A text with M if it is constant.
     momentum_scale, path_scale : float
         The units of the errors [kg m²/s, m].
     frame : (2, 2), m
@@ -132,6 +136,8 @@ class _Sheet:
 
     title: str
     lines: Sequence[_Line]
+    slip_paths: Sequence[_Array]
+    slips: Sequence[tuple[float, float]]
     momentum: str
     momentum_scale: float
     path_scale: float
@@ -140,16 +146,19 @@ class _Sheet:
 
 def sheet_of(agreements: Sequence["Agreement"]) -> _Sheet:
     """Return the sheet of a scene's agreements with an engine."""
-    from robotball.view.tracks import line_looks
+    from robotball.view.tracks import line_looks, slip_parts, slips_of
 
     theory = agreements[0].theory
     scene = theory.scene
     own, *looks = line_looks([theory, *(run.motion for run in agreements)])
     vector = ", ".join(f"{component:.3g}" for component in theory.momentum[0].round(12) + 0.0)
+    path, slips = _thinned(theory.contact_point), slips_of(theory)
     return _Sheet(
         title=f"{scene.name}: {scene.title}",
-        lines=[_Line(own, _thinned(theory.contact_point)), *map(_line, looks, agreements)],
-        momentum=f"M = ({vector}) kg m²/s is constant" if scene.keeps_momentum else "",
+        lines=[_Line(own, path), *map(_line, looks, agreements)],
+        slip_paths=[path[part] for part in slip_parts(slips, _thinned(theory.times))],
+        slips=slips,
+        momentum=f"M = ({vector}) kg m²/s is constant" if scene.keeps_momentum else "momentum M",
         momentum_scale=scene.momentum_scale,
         path_scale=theory.path_scale,
         frame=framed(agreements),
@@ -180,10 +189,13 @@ def extremes(values: _Array) -> NDArray[np.int64]:
 
 def path_picture(sheet: _Sheet) -> "Figure":
     """Draw the paths of the contact points, and their distance over time below."""
+    from robotball.view.tracks import draw_slips
+
     across, up = np.ptp(sheet.frame, axis=1)
     figure, (paths, errors) = _panels(sheet, (_RIGHT - _LEFT) * up / across, _HIGH)
     for i, line in enumerate(sheet.lines):
         _draw(paths, line, i, *line.contact_point.T)
+    draw_slips(paths, sheet.slip_paths)
     paths.plot(*sheet.lines[0].contact_point[0], "ko", markersize=8, zorder=4, label="start")
     if not all(line.finished for line in sheet.lines):
         paths.plot([], [], "kX", markersize=9, label="a run breaks off")
@@ -200,7 +212,7 @@ def momentum_picture(sheet: _Sheet) -> "Figure":
     figure, (errors,) = _panels(sheet, _HIGH)
     _draw_errors(figure, sheet, 1)
     scale = f"error of M, over\n{sheet.momentum_scale:.3g} kg m²/s"
-    errors.set(ylabel=scale, title=sheet.momentum or "momentum M")
+    errors.set(ylabel=scale, title=sheet.momentum)
     return figure
 
 
@@ -213,7 +225,8 @@ def _panels(sheet: _Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
     from matplotlib.ticker import NullLocator
 
     # Fixed margins: an automatic layout takes as long as the rest of the picture.
-    rows = (len(sheet.lines) + 4) // 3  # three names each: the lines, and two more
+    # Three names each: the lines, the start, the end of a broken run, and slip.
+    rows = (len(sheet.lines) + 4 + bool(sheet.slips)) // 3
     above = _ABOVE + _ROW * rows
     high = above + sum(heights) + _BELOW * len(heights)
     across = {"left": _LEFT / _WIDTH, "right": _RIGHT / _WIDTH, "height_ratios": heights}
@@ -248,12 +261,15 @@ def _draw(axes: "Axes", line: _Line, place: int, x: _Array, y: _Array) -> None:
 
 def _draw_errors(figure: "Figure", sheet: _Sheet, kind: int, scale: float = 1.0) -> None:
     """Draw one kind of errors in the last panel, down to rounding, and the legend at the top."""
+    from robotball.view.tracks import draw_slips
+
     least, axes = LEAST * scale, figure.axes[-1]
     errors = [line.errors[kind] for line in sheet.lines[1:]]
     low = any((values < least).any() for _, values in errors)
     axes.set_xlabel("time [s]" + f"; errors below {least:.0e} are drawn there" * low)
     for i, (line, (times, values)) in enumerate(zip(sheet.lines[1:], errors, strict=True)):
         _draw(axes, line, i + 1, times, np.maximum(values, least))
+    draw_slips(axes, slips=sheet.slips)
     named = figure.axes[0].get_legend_handles_labels()
     place = (0.5, 1 - 0.5 / figure.get_figheight())
     figure.legend(*named, loc="upper center", bbox_to_anchor=place, ncols=3, frameon=False)

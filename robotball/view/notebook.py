@@ -17,6 +17,7 @@ from robotball.motion import Motion
 from robotball.robot.drives import Constant
 from robotball.robot.scene import Scene, sample_times
 from robotball.rotations import Array
+from robotball.view.tracks import draw_slips, line_looks, slip_parts, slips_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -122,8 +123,9 @@ def plot(*motions: Motion) -> "Figure":
     _draw_paths(path, motions)
     path.set_title("contact point")
     for motion, style in _styled(motions):
+        draw_slips(momentum, slips=slips_of(motion))
         momentum.plot(motion.times, motion.momentum, **style)
-    for value, name in by_value(motions[0].momentum[0]).items():
+    for value, name in by_value(motions[0].momentum[-1]).items():
         place = ("axes fraction", "data")
         momentum.annotate(name, (1.0, value), (4, 0), place, "offset points", va="center")
     momentum.set(xlabel="time [s]", ylabel="M, world axes [kg m²/s]", title="momentum M")
@@ -139,8 +141,6 @@ def register(shell: Any) -> None:
 
 
 def _styled(motions: Sequence[Motion]) -> Iterator[tuple[Motion, dict[str, Any]]]:
-    from robotball.view.tracks import line_looks
-
     for motion, look in zip(motions, line_looks(motions), strict=True):
         dash = (0, look.dash) if look.dash else "-"
         yield motion, {"label": look.label, "color": look.colour, "linestyle": dash}
@@ -182,8 +182,10 @@ def _draw_paths(axes: "Axes", motions: Sequence[Motion]) -> None:
         # The first is drawn wider, because motions that agree cover each other.
         wide = 5.0 if i == 0 and len(motions) > 1 else 1.8
         axes.plot(*motion.contact_point.T, linewidth=wide, **style)
+        parts = slip_parts(slips_of(motion), motion.times)
+        draw_slips(axes, [motion.contact_point[part] for part in parts])
     axes.set(xlabel="X [m]", ylabel="Y [m]")
     axes.set_aspect("equal", "datalim")
     axes.grid(alpha=0.3)
-    if len(motions) > 1:
+    if len(axes.get_legend_handles_labels()[1]) > 1:
         axes.legend(loc="best")

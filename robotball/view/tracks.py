@@ -6,12 +6,15 @@ and Ito and from Tol, and distinguishable for colour-blind readers.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from robotball.robot.mechanics import Robot
 from robotball.rotations import Array, rotation_matrix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Colour, dash and marker of each preset. Default settings have the engine's colour and marker.
 _SPARE = (("#882255", (6, 2), "d"), ("#332288", (2, 2), "^"), ("#999933", (7, 2, 2, 2), ">"))
@@ -38,13 +41,50 @@ class LineStyle(NamedTuple):
     marker: str = ""
 
 
+# Slip is a band under a path, BAND points wide, and a shade behind times.
+SLIPS, BAND, SHADE = LineStyle("slips", "#F0E442"), 11.0, 0.4
+
+
+def slips_of(motion: Any) -> Sequence[tuple[float, float]]:
+    """Return the intervals [s] in which the shell slips. Contact engines do not record them."""
+    return getattr(motion, "slipping", ())
+
+
+def slip_parts(slips: Sequence[tuple[float, float]], times: Array) -> list[slice]:
+    """Return which samples at ascending times (m,) [s] are in each interval of slip.
+
+    A part also has the samples before and after its interval, so that no slip is too short to see.
+    """
+    return [
+        slice(int(np.searchsorted(times, a, "right")) - 1, int(np.searchsorted(times, b)) + 1)
+        for a, b in slips
+        if a < times[-1]
+    ]
+
+
+def draw_slips(
+    axes: "Axes", paths: Sequence[Array] = (), slips: Sequence[tuple[float, float]] = ()
+) -> None:
+    """Draw a band under the parts (k, 2) of a path with slip, or shade intervals [s] of slip."""
+    style: Any = {"label": SLIPS.label, "zorder": 1}
+    if paths:
+        from matplotlib.collections import LineCollection
+
+        band = LineCollection(paths, colors=SLIPS.colour, linewidths=BAND, capstyle="butt", **style)
+        axes.add_collection(band, autolim=False)
+    if slips:
+        style |= {"color": SLIPS.colour, "alpha": SHADE, "linewidth": 0}
+        spans = [(begin, end - begin) for begin, end in slips]
+        axes.broken_barh(spans, (0, 1), transform=axes.get_xaxis_transform(), **style)
+
+
 def label_of(motion: Any) -> str:
-    """Return the names of engine and settings: "MuJoCo, fast", "MuJoCo as it comes"."""
+    """Return the names of engine and settings: "MuJoCo, fast", "MuJoCo, default settings"."""
     report = getattr(motion, "report", None)
     if report is None:
         return str(motion.engine.name)
     if report.settings.name in ("naive", "as-it-comes"):
-        return f"{motion.engine.name} as it comes"
+        return f"{motion.engine.name}, default settings"
     return f"{motion.engine.name}, {report.settings.name}"
 
 

@@ -20,8 +20,9 @@ from robotball.engines.engine import engine_named, engine_names
 from robotball.engines.mujoco import LABEL
 from robotball.files.replacing import replacing
 from robotball.theory.reduced import LABEL as EQUATIONS
-from robotball.view.tracks import PRESET_LOOKS, line_looks
+from robotball.view.tracks import PRESET_LOOKS, line_looks, slip_parts
 from tests.messages import naming, unnamed
+from tests.robotball.theory.test_friction import regular
 from validation import Agreement, compare
 from validation.cli import parse
 from validation.output import progress_bar, writable_file, write_rows, write_text
@@ -184,6 +185,32 @@ def test_long_work_writes_a_line_from_time_to_time_to_a_log(
 
 
 # Pictures --------------------------------------------------------------------------------------
+
+
+def test_pictures_show_where_a_ball_slips() -> None:
+    """A band under the path and a shade behind the times, named in the legend; M is constant."""
+    agreement = compare(regular(0.3), rb.sample_times(3.0), settings="fast")
+    assert isinstance(agreement.theory, rb.ReferenceMotion)
+    sheet = sheet_of([agreement])
+    pictures = path_picture(sheet), momentum_picture(sheet)
+    for picture in pictures:
+        (shade,) = picture.axes[-1].collections
+        ends = [path.get_extents().intervalx for path in shade.get_paths()]
+        assert np.array(ends) == pytest.approx(np.array(agreement.theory.slipping))
+        names = [text.get_text() for text in picture.legends[0].get_texts()]
+        assert names.count("slips") == 1
+    (band,) = pictures[0].axes[0].collections
+    assert len(band.get_paths()) == len(agreement.theory.slipping) == 3
+    assert "is constant" in pictures[1].axes[0].get_title()
+
+
+def test_a_slip_between_two_samples_is_shown() -> None:
+    """It has the samples around it. A slip after the last sample is not shown."""
+    times = np.array([0.0, 1.0, 2.0, 3.0])
+    assert slip_parts([(0.0, 0.5), (1.2, 1.4), (2.0, 2.5)], times) == [
+        slice(0, 2), slice(1, 3), slice(2, 4)
+    ]  # fmt: skip
+    assert slip_parts([(3.0, 4.0)], times) == []
 
 
 @pytest.mark.parametrize("name", ["fig06", "fig05d", "chaplygin_ball", "routh_sphere"])

@@ -85,9 +85,10 @@ def plot(
     `options` are options of `chart`.
     """
     drawn = chart(lines, x_label, y_label, **options)
+    keys = legend(lines, slips=bool(options.get("slips")))
     remark = paragraph(note, "faint") if note else ""
     return (
-        f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
+        f"<figure><figcaption>{text(caption)}</figcaption><div>{keys}</div>{drawn}"
         f'<div class="readout" aria-live="polite">{_HINT}</div>{remark}'
         f"{folded('Values', _values(lines, x_label, y_label))}</figure>"
     )

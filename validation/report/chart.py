@@ -13,7 +13,7 @@ import numpy as np
 
 from robotball.files import embedded_json
 from robotball.rotations import Array
-from robotball.view.tracks import LineStyle
+from robotball.view.tracks import BAND, SHADE, SLIPS, LineStyle, slip_parts
 
 from ..plots import LEAST, in_view
 
@@ -22,6 +22,7 @@ _WIDTH, _HEIGHT = 560, 330  # px, size of the picture
 _LEFT, _RIGHT, _TOP, _BOTTOM = 66, 16, 38, 46  # px around the axes; the y label is at the top
 _DIGITS = 5  # digits of a value under the pointer
 _CROSS = "m-5-5 10 10m0-10-10 10"
+_NO_POINTS = np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ def chart(
     log: bool = False,
     reach: float = math.inf,
     frame: Array | None = None,
+    slips: Sequence[tuple[float, float]] = (),
 ) -> str:
     """Return an <svg> with axes, ticks and lines.
 
@@ -75,6 +77,8 @@ def chart(
         How far the y axis extends beyond the first line to show the other lines.
     frame : (2, 2), optional
         The ends of axes with equal scales; a dot marks the start.
+    slips : sequence of (float, float), s
+        The intervals of slip, shaded if x is the time. Otherwise the first line has a band there.
     """
     thin = [_fewer_points(line) for line in lines]
     xs, ys = [line.x for line in thin], [line.y for line in thin]
@@ -107,6 +111,12 @@ def chart(
     data = [_data(line, px(line.x), py(line.y)) for line in thin]
     # The nested <svg> clips the lines.
     parts.append(f'<svg {inside} viewBox="{_LEFT} {_TOP} {width} {height}">')
+    if (times := thin[0].times) is None:
+        parts += [_shade(px(np.array(interval)).tolist(), height) for interval in slips]
+    else:
+        for part in slip_parts(slips, times):
+            band = Line(SLIPS, thin[0].x[part], thin[0].y[part], width=BAND)
+            parts.append(_polyline(band, px(band.x), py(band.y)))
     parts += [_polyline(line, px(line.x), py(line.y)) for line in thin]
     if frame is not None:
         parts.append(f'<circle cx="{px(xs[0])[0]:.1f}" cy="{py(ys[0])[0]:.1f}" r="4.5"/>')
@@ -119,13 +129,14 @@ def chart(
     )
 
 
-def legend(lines: Sequence[Line]) -> str:
-    """Return a legend as HTML."""
+def legend(lines: Sequence[Line], *, slips: bool = False) -> str:
+    """Return a legend as HTML, with an entry for slip if there is any."""
+    shown = [*lines, Line(SLIPS, _NO_POINTS, _NO_POINTS, width=BAND)] if slips else lines
     return "".join(
         '<span class="key"><svg width="34" height="10" aria-hidden="true">'
         f'<line x1="1" y1="5" x2="33" y2="5" {_stroke(line)}/></svg> '
         f"{escape(line.look.label)}</span> "
-        for line in lines
+        for line in shown
     )
 
 
@@ -164,6 +175,11 @@ def _log_range(values: Sequence[Array]) -> tuple[float, float]:
     if not len(positive):
         return math.log10(LEAST), math.log10(LEAST) + 2
     return math.floor(np.log10(positive.min())), math.ceil(np.log10(positive.max()) + 1e-9)
+
+
+def _shade(x: Sequence[float], height: float) -> str:
+    inside = f'x="{x[0]:.1f}" y="{_TOP}" width="{x[1] - x[0]:.1f}" height="{height}"'
+    return f'<rect {inside} fill="{SLIPS.colour}" fill-opacity="{SHADE}"/>'
 
 
 def _grid(x1: float, y1: float, x2: float, y2: float) -> str:

@@ -10,9 +10,9 @@ import numpy as np
 
 from robotball import Motion, scene_toml
 from robotball.errors import counted
-from robotball.motion import versions
+from robotball.motion import ReferenceMotion, versions
 from robotball.rotations import Array
-from robotball.view.tracks import label_of, line_looks
+from robotball.view.tracks import label_of, line_looks, slips_of
 from robotball.view.web import view_fragment, view_head
 
 from ..agreement import Agreement
@@ -73,11 +73,14 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     file = "" if scene.ball.general else scene_toml(replace(scene, controller=None))
     without = ", without its controller" if scene.controller else ""
     grown = [] if first.loop_growth is None else [first.loop_growth]
+    rolling = "the ball slips where rolling needs more friction"
+    if not slips_of(theory):
+        rolling = _ROLLING[scene.rolling]
     return [
         f"<h2>{escape(scene.name)}</h2>",
         paragraph(scene.title),
         paragraph(
-            f"{scene.rolling} rolling: {_ROLLING[scene.rolling]}; {theory.times[-1]:g} s; path "
+            f"{scene.rolling} rolling: {rolling}; {theory.times[-1]:g} s; path "
             f"{theory.path_length:.4g} m; radius {scene.ball.radius:.4g} m; mass "
             f"{scene.ball.mass:.4g} kg.",
             "faint",
@@ -85,6 +88,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         "<h3>Agreement</h3>",
         '<div class="charts"><div>',
         *(paragraph(sentence(run), VERDICTS[run.agrees]) for run in group),
+        *map(paragraph, dict.fromkeys(filter(None, map(_slip_sentence, group)))),
         *(paragraph(f"Closed loop: {growth_of(growth)}.", "faint") for growth in grown),
         f"</div>{_paths(group)}</div>",
         _ball_numbers(group),
@@ -94,7 +98,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         "<h3>Errors</h3>",
         f'<div class="charts">{_errors(group)}</div>',
         "<h3>Friction and motors</h3>",
-        paragraph(friction_needed(theory)),
+        "" if slips_of(theory) else paragraph(friction_needed(theory)),
         _loads(group),
         "<h3>Settings and scene</h3>",
         *(
@@ -117,11 +121,21 @@ def sentence(agreement: Agreement) -> str:
     )
 
 
+def _slip_sentence(agreement: Agreement) -> str:
+    """Return what limited friction does to the motion, "" if it is enough for ideal rolling."""
+    if (slip := agreement.slip) is None:
+        return ""
+    whose = label_of(agreement.motion) if slip.of_settings else "Friction of the scene"
+    return f"{whose}: {slip}."
+
+
 def _ball_numbers(group: Sequence[Agreement]) -> str:
     rows = []
     for run in group:
         errors = run.path_error, run.gamma_error, run.attitude_error, run.momentum_error
-        coefficient = run.settings.plain().get("sliding_friction", "-")
+        coefficient = run.scene.friction.sliding
+        if coefficient is None:
+            coefficient = run.settings.plain().get("sliding_friction", "-")
         part = known(run.report.friction_used.max(initial=0.0))
         used = "-" if part is None else f"{100 * part:.3g} %"
         settings = run.settings.name, f"{run.report.timestep * 1e3:.3g}", f"{run.tolerance:g}"
@@ -155,7 +169,8 @@ def _paths(group: Sequence[Agreement]) -> str:
     lines = _lines(group, paths)
     note = "Both axes have the same scale. Dot: start. Cross: end of a run that broke off."
     caption = "Path of the contact point"
-    return plot(caption, lines, "X [m]", "Y [m]", note, frame=framed(group))
+    slips = slips_of(group[0].theory)
+    return plot(caption, lines, "X [m]", "Y [m]", note, frame=framed(group), slips=slips)
 
 
 def _errors(group: Sequence[Agreement]) -> str:
@@ -168,7 +183,8 @@ def _errors(group: Sequence[Agreement]) -> str:
     for caption, label, values in series:
         times = (run.motion.times[1:] for run in group)
         lines = _lines(group, [_NONE, *zip(times, (error[1:] for error in values), repeat(None))])
-        drawn += plot(caption, lines, "time [s]", label, log=True) if lines else ""
+        slips = slips_of(group[0].theory)
+        drawn += plot(caption, lines, "time [s]", label, log=True, slips=slips) if lines else ""
     return drawn
 
 
@@ -178,7 +194,11 @@ def _loads(group: Sequence[Agreement]) -> str:
     Constants are printed instead. If curves coincide, their difference is drawn.
     """
     motions = _motions(group)
+    theory, slips = group[0].theory, slips_of(group[0].theory)
     series = [("Friction", "coefficient", "", [m.loads.sliding_friction for m in motions])]
+    if isinstance(theory, ReferenceMotion) and theory.slip is not None:
+        speeds = [np.hypot(*theory.slip[:, :2].T), *(run.report.slip for run in group)]
+        series.append(("Slip", "speed of the contact's point", "m/s", speeds))
     for i in np.flatnonzero(motions[0].loads.motor_torques.any(axis=0)):
         name = group[0].scene.hinges[i].name
         torques = [motion.loads.motor_torques[:, i] for motion in motions]
@@ -201,11 +221,12 @@ def _loads(group: Sequence[Agreement]) -> str:
         elif worst <= _HIDDEN * (high - low):
             lines = _lines(group, [_NONE, *zip(times[1:], errors, repeat(None))])
             caption += f": from {low:.3g} to {high:.3g}{suffix}; errors of the runs"
-            drawn += plot(caption, lines, "time [s]", f"difference of {label}", log=True)
+            difference = f"difference of {label}"
+            drawn += plot(caption, lines, "time [s]", difference, log=True, slips=slips)
         else:
             lines = _lines(group, [*zip(times, values, repeat(None))])
             caption += f": at most {most:.3g}{suffix}"
-            drawn += plot(caption, lines, "time [s]", label, reach=most)
+            drawn += plot(caption, lines, "time [s]", label, reach=most, slips=slips)
     return f'{constants}<div class="charts">{drawn}</div>'
 
 

@@ -153,6 +153,21 @@ def test_plot_draws_paths_with_equal_scales() -> None:
     assert len(by_value(np.array([2.0, 1.88, 0.0]))) == 3
 
 
+def test_plot_shows_where_a_ball_slips() -> None:
+    """Each component of M is named at its last value."""
+    scene = replace(SCENE, friction=rb.Friction(1.0, 0.5, rolling=0.05))
+    motion = rb.integrate(scene, 0.5)
+    path, momentum = rb.plot(motion).axes
+    assert [text.get_text() for text in path.get_legend().get_texts()] == [
+        "multibody equations", "slips"
+    ]  # fmt: skip
+    (shade,) = momentum.collections
+    ends = [span.get_extents().intervalx for span in shade.get_paths()]
+    assert np.array(ends) == pytest.approx(np.array(motion.slipping))
+    heights = [note.xy[1] for note in momentum.texts]
+    assert heights == [*by_value(motion.momentum[-1])]
+
+
 def test_equality_compares_values_and_never_raises() -> None:
     """Equal values make equal scenes and motions; a changed number or another type does not."""
     assert rb.load_scene("fig12") == SCENE

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.view.tracks import LineStyle
+from robotball.view.tracks import SLIPS, LineStyle
 from tests.browser import Browser, needs_browser, opened
 from tests.conftest import Robotball
 from tests.messages import unnamed
+from tests.robotball.theory.test_friction import regular
 from validation import Agreement, compare
 from validation.output import program, together
 from validation.plots import LEAST
@@ -41,9 +42,8 @@ def test_a_report_has_settings_versions_and_command(page: str, agreements: list[
     """
     for text in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
         assert text in page.replace("&quot;", '"')
-    assert (
-        '<th scope="col">time [s]</th><th scope="col">distance [m], MuJoCo as it comes</th>' in page
-    )
+    heading = '<th scope="col">time [s]</th><th scope="col">distance [m], MuJoCo, default settings'
+    assert f"{heading}</th>" in page
     for name, value in agreements[1].settings.plain().items():
         assert f"<td>{name}</td>" in page
         assert f">{value}<" in page or isinstance(value, dict | list)
@@ -93,6 +93,26 @@ def test_the_friction_needed_is_shown_beside_the_friction_available() -> None:
     assert '<td class="number">20.0</td><td>9.58\u00a0%</td>' in page
 
 
+def test_a_page_says_where_the_ball_slips_and_how_much_of_the_path_is_friction() -> None:
+    """With the scene's friction, 0.3: 1 path with 3 bands, and 3 shades in each chart over time."""
+    page = report([compare(regular(0.3), rb.sample_times(3.0), settings="fast")], COMMAND)
+    for text in ("rolling without slip needs 0.991", "0 to 0.86 s", "changes the path by 21 %"):
+        assert together(text) in page
+    assert "does not slip" not in page
+    assert "rolling needs a coefficient" not in page
+    assert '<td class="number">0.3</td><td>100\u00a0%</td>' in page
+    paths, *charts = re.findall(r'<svg class="chart".*?</svg></svg>', page)
+    assert paths.count(f'stroke="{SLIPS.colour}"') == 3
+    assert {chart.count(f'fill="{SLIPS.colour}"') for chart in charts} == {3}
+    assert page.count(f"> {SLIPS.label}</span>") == 1 + len(charts)
+
+
+def test_a_page_splits_the_distance_of_default_settings() -> None:
+    page = report([compare("fig12", rb.sample_times(2.0), settings="naive")], COMMAND)
+    for text in ("MuJoCo, default settings: sliding friction is 1", "by 42 %", "28 % off the path"):
+        assert together(text) in page
+
+
 # In a browser ------------------------------------------------------------------------------
 
 
@@ -129,7 +149,7 @@ def test_a_pointer_and_a_key_show_a_charts_values(browser: Browser) -> None:
         ].map(event => (chart.dispatchEvent(event), readout.textContent));
         })()"""
     )
-    values = r"t = 0\.\d+ s · MuJoCo as it comes: [\d.e-]+ · MuJoCo, fast: [\d.e-]+"
+    values = r"t = 0\.\d+ s · MuJoCo, default settings: [\d.e-]+ · MuJoCo, fast: [\d.e-]+"
     assert re.fullmatch(values, first)
     assert second != first
     assert after == "Point at the plot, or use the arrow keys, for values."

@@ -28,7 +28,15 @@ from robotball.robot.looks import GHOST, MARKS, Looks, looks_of
 from robotball.rotations import Array
 from robotball.view import gl
 from robotball.view.stage import LENS, Camera, Pixels, Projection, Stage
-from robotball.view.tracks import Moments, colours_of, heading_of, label_of, track_of
+from robotball.view.tracks import (
+    Moments,
+    colours_of,
+    heading_of,
+    label_of,
+    slip_parts,
+    slips_of,
+    track_of,
+)
 
 _FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -283,6 +291,9 @@ class _Painter:
         corners = [shape.triangles for shapes in self.looks.values() for shape in shapes]
         # Radius that contains the ball and anything on it, such as a head above its shell.
         self.reach = max(float(np.linalg.norm(points, axis=-1).max()) for points in corners)
+        self.slips = np.zeros(len(fine), bool)
+        for part in slip_parts(slips_of(motions[-1]), fine):
+            self.slips[part] = True
         note = "; ".join(_notes(motions, film, self.looks))
         self.sheet = _Sheet(motions, film, note, self.times, self.apart)
         all_balls, (height, width) = list(range(len(motions))), self.sheet.pane
@@ -322,7 +333,8 @@ class _Painter:
                     len(outlines) > 1
                     and self.apart[:, k].min() < _SAME * self.tracks[i].robot.radius
                 )
-                off = "\nat the same place" if hidden else ""
+                slips = ", slipping" if self.slips[k * self.finer] else ""
+                off = slips + ("\nat the same place" if hidden else "")
             else:
                 off = f"\n{_metres(self.apart[i, k])} off"
             below = exact and len(outlines) > 1
@@ -339,7 +351,7 @@ class _Painter:
         points = [track.points for track in self.tracks]
         far = max(camera.distance for cameras in self.cameras for camera in cameras)
         size, colours = self.sheet.pane, self.sheet.colours
-        return Stage(size, self.looks, colours, points, far, self.backend)
+        return Stage(size, self.looks, colours, points, far, self.backend, self.slips)
 
     def close(self) -> None:
         """Free the OpenGL context of this process."""
@@ -351,6 +363,8 @@ def _notes(motions: Sequence[Motion], film: Film, looks: Looks) -> Iterator[str]
     """Yield the engines' versions, and in which respects the film deviates from reality."""
     engines = (motion.engine for motion in motions[:-1])
     yield from dict.fromkeys(f"{engine.name} {engine.version}" for engine in engines)
+    if slips_of(motions[-1]):
+        yield "yellow path: the ball slips"
     if film.slow != 1:
         slow, change = (film.slow, "slower") if film.slow > 1 else (1 / film.slow, "faster")
         yield f"{slow:g} times {change} than real time"

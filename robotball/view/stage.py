@@ -32,6 +32,7 @@ from robotball.robot.looks import BLUR, MARKS, Looks, add_materials
 from robotball.robot.shapes import add_geoms
 from robotball.rotations import Array
 from robotball.view import gl
+from robotball.view.tracks import SLIPS
 
 Pixels = NDArray[np.uint8]
 Arrow = tuple[Array, Array, str]  # start (3,), end (3,) and colour
@@ -42,7 +43,7 @@ _HIDDEN = "3"  # geom group that is hidden by default
 _OWN = ("shell", "mark")  # materials that have the engine's colour
 LENS = 3.1  # distance at which the picture's shorter side is 2, a lens of 36 degrees
 _NEAR = 7.2  # distance for which the widths and lifts below are valid; they grow with it
-_TRAIL = 0.04  # half of a path's width; the last is twice as wide, to be visible below the others
+_TRAIL = 0.04  # half of a path's width
 _LIFT = 0.002  # height of the shadows, then of the paths, to separate them in the depth buffer
 _BEHIND = 0.003  # a ghost is drawn farther away, to prevent flicker with the ball's surfaces
 _THICK = 0.06  # half of an arrow's width
@@ -124,7 +125,7 @@ class Stage:
 
     size: (height, width) of a picture [px]; colours: of each ball; paths: contact points (n, 2) of
     each; distance: largest distance of the camera, beyond which fog begins; backend: from
-    `gl.find_backend`. Call `close` when done.
+    `gl.find_backend`; slips (n,): where the last path has a band. Call `close` when done.
     """
 
     def __init__(
@@ -135,10 +136,17 @@ class Stage:
         paths: Sequence[Array],
         distance: float,
         backend: str,
+        slips: NDArray[np.bool_] | None = None,
     ) -> None:
         self._size, self._bodies, self._colours = size, list(looks), colours
-        self._paths, self._step = paths, -(-len(paths[0]) // POINTS)
-        self._strips = [_strip(path[:: self._step]) for path in paths]
+        self._paths, self._step = [*paths], -(-len(paths[0]) // POINTS)
+        self._strips = [_TRAIL * _strip(path[:: self._step]) for path in paths]
+        self._strips[-1] *= 2  # to be visible below the others
+        self._trails = [*colours]
+        if slips is not None and slips.any():
+            self._paths.append(paths[-1])
+            self._strips.append(2 * self._strips[-1] * np.repeat(slips[:: self._step], 2)[:, None])
+            self._trails.append(SLIPS.colour)
         spec = build_stage(looks, colours, np.ones(len(colours)).tolist())
         for i, strip in enumerate(self._strips):
             _add_strip(spec, f"path{i}", len(strip))
@@ -208,7 +216,8 @@ class Stage:
         number `last`.
         """
         self._update(camera, opacities)
-        for i, opacity in enumerate(trails):
+        # The band has the opacity of the last path.
+        for i, opacity in enumerate([*trails, trails[-1]][: len(self._paths)]):
             self._add_path(i, last, opacity, camera.distance / _NEAR)
         for i, opacity in enumerate(opacities):
             if opacity > 0:
@@ -317,7 +326,7 @@ class Stage:
     def _add_path(self, i: int, last: int, opacity: float, scale: float) -> None:
         """Add a path up to its point `last`; its width and height are multiplied by `scale`."""
         model, below = self._model, len(self._paths) - 1 - i
-        strip = _TRAIL * (1 if below else 2) * scale * self._strips[i]
+        strip = scale * self._strips[i]
         strip[:, :2] += np.repeat(self._paths[i][:: self._step], 2, axis=0)
         # MuJoCo draws the whole mesh: triangles after the present time have zero area.
         end = 2 * (last // self._step) + 2
@@ -327,7 +336,7 @@ class Stage:
         model.mesh_vert[mesh.vertadr[0] :][: len(strip)] = strip
         self._context.make_current()
         mujoco.mjr_uploadMesh(model, self._drawing, mesh.id)
-        path = self._add(mujoco.mjtGeom.mjGEOM_MESH, self._colours[i], float(_once(opacity)))
+        path = self._add(mujoco.mjtGeom.mjGEOM_MESH, self._trails[i], float(_once(opacity)))
         path.dataid = 2 * mesh.id  # doubled, because MuJoCo stores each mesh and its convex hull
         path.specular = 0.0
 

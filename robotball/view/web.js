@@ -117,15 +117,19 @@ const bodies = data.bodies.map(body => {
   return {...body, parts: Object.entries(parts).map(([material, numbers]) => ({material, mesh: buffer(numbers)}))};
 });
 const floor = buffer([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]].flatMap(([x, y]) => [x, y, 0, 0, 0, 1]));
-for (const ball of balls) {
-  const strip = []; let side = [0, TRAIL];
-  for (let i = 0; i < ball.count; i++) {
+function stripOf(ball, begin, end, width) { // of samples from begin to before end
+  const strip = []; let side = [0, width];
+  for (let i = begin; i < Math.min(end, ball.count); i++) {
     const [x, y] = ball.rows.subarray(i * WIDTH), j = Math.min(i + 1, ball.count - 1) * WIDTH;
     const step = [ball.rows[j] - x, ball.rows[j + 1] - y], length = Math.hypot(...step);
-    if (length > 1e-6) side = [-step[1] / length * TRAIL, step[0] / length * TRAIL];
+    if (length > 1e-6) side = [-step[1] / length * width, step[0] / length * width];
     strip.push(x + side[0], y + side[1], 0, 1, 0, 0, x - side[0], y - side[1], 0, -1, 0, 0);
   }
-  ball.trail = buffer(strip);
+  return buffer(strip);
+}
+for (const ball of balls) {
+  ball.trail = stripOf(ball, 0, ball.count, TRAIL);
+  ball.bands = ball.slips.map(([begin, end]) => ({begin, mesh: stripOf(ball, begin, end, 2.5 * TRAIL)}));
 }
 
 // Shading by kind of surface. Floor and paths antialias their edges in the shader.
@@ -258,7 +262,10 @@ function frame() {
     });
   }
   gl.disable(gl.STENCIL_TEST);
-  drawn.forEach(({ball, now}, i) => draw(ball.trail, PATH, placed([1, 0, 0, 0], add(now.lane, [0, 0, .006])), [...ball.colour, 1], gl.TRIANGLE_STRIP, 2 * (now.row + 1)));
+  const drawPath = (mesh, {lane, row}, colour, begin = 0) => draw(mesh, PATH, placed([1, 0, 0, 0], add(lane, [0, 0, .006])), [...colour, 1],
+    gl.TRIANGLE_STRIP, Math.max(0, Math.min(mesh.count, 2 * (row + 1 - begin))));
+  drawn.forEach(({ball, now}) => ball.bands.forEach(({begin, mesh}) => drawPath(mesh, now, data.band, begin)));
+  drawn.forEach(({ball, now}) => drawPath(ball.trail, now, ball.colour));
   gl.enable(gl.DEPTH_TEST);
   const turns = now => bodies.map(body => !body.marked ? 0 : Math.min(1, Math.max(0, (Math.abs(now.rates[body.hinge]) * state.speed * (state.playing ? 1 : 0) / 60 - .25) / .5)));
   const glassy = [];
@@ -280,7 +287,8 @@ function frame() {
   const taken = [], stage = find("stage");
   centres.forEach((centre, i) => { // names below the balls, as HTML, without overlaps
     const gap = apart[i][Math.min(Math.round(state.t / data.step), apart[i].length - 1)], label = labels[i];
-    label.textContent = balls[i].name + (i < theory ? `\n${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toPrecision(3)} m off` : "");
+    const slips = balls[i].slips.some(([begin, end]) => begin <= nows[i].row && nows[i].row < end);
+    label.textContent = balls[i].name + (slips ? ", slipping" : "") + (i < theory ? `\n${gap < 1e-3 && gap > 0 ? gap.toExponential(1) : gap.toPrecision(3)} m off` : "");
     const p = [centre[0], centre[1], -.15], clip = [0, 1, 3].map(k => view[k]*p[0] + view[4+k]*p[1] + view[8+k]*p[2] + view[12+k]);
     const half = label.offsetWidth / 2, high = label.offsetHeight, width = stage.clientWidth;
     const x = Math.min(Math.max((clip[0] / clip[2] + 1) / 2 * width, half), width - half);

@@ -15,7 +15,15 @@ from robotball.robot import looks as palette
 from robotball.robot.ball import Ball
 from robotball.robot.looks import MARKS, Looks, looks_of, materials_of
 from robotball.robot.shapes import Shape
-from robotball.view.tracks import colours_of, heading_of, label_of, track_of
+from robotball.view.tracks import (
+    SLIPS,
+    colours_of,
+    heading_of,
+    label_of,
+    slip_parts,
+    slips_of,
+    track_of,
+)
 
 _HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view
@@ -39,6 +47,8 @@ def view_fragment(motions: Sequence[Any]) -> str:
     shown, whole = data["end"], max(float(motion.times[-1]) for motion in motions)
     if shown < whole * (1 - 1e-9):
         data["note"] = f"Showing the first {shown:g} s of {whole:g} s."
+    if any(map(slips_of, motions)):
+        data["note"] = f"Yellow path: the ball slips. {data.get('note', '')}"
     data["label"] = f"Rolling ball {motions[0].scene.name}"
     return (
         '<div class="rb-view">'
@@ -86,11 +96,16 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
         "heading": heading_of(parts[-1].contact_point),
         "bodies": list(_bodies(ball, looks)),
         "materials": materials_of(looks),
+        "band": palette.rgb(SLIPS.colour),
         "balls": [
             {
                 "name": label_of(motion),
                 "colour": palette.rgb(colour),
                 "count": len(part.attitude),
+                "slips": [
+                    (samples.start, samples.stop)
+                    for samples in slip_parts(slips_of(motion), grid[: len(part.attitude)])
+                ],
                 "apart": _packed(np.linalg.norm(part.contact_point[:shared] - rest, axis=1)),
                 "rows": _packed(
                     np.hstack([part.contact_point / ball.radius, part.attitude, part.hinge_angles])

@@ -74,6 +74,23 @@ def test_motions_with_one_engine_differ_in_ball_colour_and_curve() -> None:
 
 
 @screen
+def test_a_film_shows_where_a_ball_slips() -> None:
+    """A yellow band on the floor, a word beside the ball's name, and a note below the title."""
+    slipping = dataclasses.replace(THEORY, slipping=((0.0, 0.05), (0.13, 0.19)))
+    film = Film(fps=10, size=(264, 480), camera="above")
+    sticks, slips = (
+        np.stack([*frames([motion], film)])[-1].astype(int) for motion in (THEORY, slipping)
+    )
+    yellow = (slips[..., 1] - slips[..., 2] > 60) & (sticks[..., 1] - sticks[..., 2] < 20)
+    assert yellow.sum() > 10  # measured 32
+    painter = render._Painter([slipping], film)
+    names = [next(painter._ball_names(k, {0: (0.0, 0.0, 1.0)}))[0] for k in range(4)]
+    assert names == ["equations, slipping", "equations", "equations, slipping", "equations"]
+    notes = [*render._notes([slipping], film, painter.looks)]
+    assert "yellow path: the ball slips" in notes
+
+
+@screen
 def test_a_path_is_smooth_in_a_film_with_few_frames() -> None:
     """At 1 and at 200 frames per second its corners are at most 0.02 s apart, and on the motion."""
     long = rb.integrate(FIG12, np.linspace(0.0, 2.0, 101))

@@ -35,6 +35,42 @@ def test_a_view_contains_the_motion() -> None:
     assert data["step"] == STEP
 
 
+SLIPPING = replace(THEORY, slipping=((0.51, 1.01),))
+LOOK = """(async t => {
+const view = document.querySelector(".rb-view"), canvas = view.querySelector("canvas");
+view.rollingBalls.set({t, playing: false});
+while (+view.dataset.drawn !== t) await new Promise(requestAnimationFrame);
+const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
+copy.drawImage(canvas, 0, 0);
+const pixels = copy.getImageData(0, 0, canvas.width, canvas.height).data;
+let yellow = 0;
+for (let i = 0; i < pixels.length; i += 4)
+  yellow += pixels[i] > 220 && pixels[i + 1] > 200 && pixels[i + 2] < 90;
+return [view.querySelector(".rb-name").textContent, yellow];
+})"""
+
+
+def test_a_view_has_the_samples_with_slip() -> None:
+    """And those around them, and a note."""
+    assert view_data([SLIPPING])["balls"][0]["slips"] == [(25, 52)]
+    assert unnamed("Yellow slips", view_fragment([SLIPPING])) == []
+    assert "Yellow" not in view_fragment([THEORY])
+
+
+@needs_browser
+@pytest.mark.slow
+def test_a_view_shows_where_the_ball_slips(tmp_path: Path) -> None:
+    """A yellow band appears under its path, and a word beside its name while it slips."""
+    with opened(view_page([SLIPPING]), tmp_path, 800) as browser:
+        before, during, after = (browser.run(f"{LOOK}({t})") for t in (0.4, 0.8, 1.6))
+        assert browser.console == []
+    assert [name for name, _ in (before, during, after)] == [
+        "equations", "equations, slipping", "equations"
+    ]  # fmt: skip
+    # Measured 26, 152 and 357; a rotor is golden.
+    assert 2 * before[1] < during[1] < after[1]
+
+
 def test_a_motion_too_long_or_too_short_for_a_view_is_reported() -> None:
     """A thousandfold duration is cut to MOST samples; one that ended at its start is refused."""
     long = replace(THEORY, times=THEORY.times * 1000)

@@ -68,6 +68,10 @@ _CONTROL = (
     "Control of an actuator of a robot's own file: a number, or a table (.csv, .npz) of time and "
     "value. It replaces the control in the file. Give it once for each actuator."
 )
+_FRICTION = (
+    "Friction of the plane: the sliding coefficient, and after a comma the torsional one in "
+    "metres. The ball slips if it needs more. Default: as in the scene, mostly without a limit."
+)
 _THREADS = "Cores to use. Default: all that are available. The results do not depend on it."
 _PLACE = "Folder of the engines' environments. Default: that of 'robotball engines --install'."
 
@@ -82,6 +86,9 @@ PresetName = Literal["naive", "fast", "balanced", "accurate", "adaptive"]
 # An option takes one value, a list with commas, so that it never takes the scenes that follow.
 Names = Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="NAME,…")]
 Controls = Annotated[tuple[str, ...], Parameter(help=_CONTROL, metavar="NAME=VALUE|FILE")]
+Frictions = Annotated[
+    tuple[str, ...], Parameter(help=_FRICTION, converter=_listed, metavar="SLIDING,…")
+]
 Threads = Annotated[int | None, Parameter(help=_THREADS), _COUNT]
 Seed = Annotated[int, Parameter(help="Seed of the random starts."), _COUNT]
 Environments = Annotated[Path | None, Parameter(help=_PLACE, metavar="DIR")]
@@ -145,9 +152,7 @@ class Run:
     controller: Annotated[str | None, Parameter(metavar="FILE.py:NAME")] = None
     """A controller (rb.Controller) in a Python file. The file is run, and the controller commands
     the scene's motors from the sensor readings."""
-    friction: Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="SLIDING,…")] = ()
-    """Friction of the plane: the sliding coefficient, and after a comma the torsional one in
-    metres. The ball slips if it needs more. Default: as in the scene, mostly without a limit."""
+    friction: Frictions = ()
     engine: Annotated[str, Parameter(metavar="ENGINE")] = "mujoco"
     """The engine; 'robotball engines' lists them."""
     accuracy: Annotated[float | None, Parameter(metavar="ERROR")] = None

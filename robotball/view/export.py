@@ -134,10 +134,13 @@ def _mjcf(motion: Motion) -> str:
     SubElement(root, "option", gravity=_numbers(scene.gravity_world))
     world = SubElement(root, "worldbody")
     loads, rubber = motion.loads, scene.rolling == "rubber"
-    sliding = _MARGIN * float(loads.sliding_friction.max())
+    sliding, torsional = scene.friction.sliding, scene.friction.torsional
+    if sliding is None:
+        sliding = _MARGIN * float(loads.sliding_friction.max())
+    if torsional is None:
+        torsional = _MARGIN * float(loads.torsional_friction.max())
     # condim 4 resists spin about the normal, which only the rubber model excludes.
-    torsional = _MARGIN * float(loads.torsional_friction.max()) if rubber else 0.0
-    friction, condim = [sliding, torsional, 0.0], "4" if rubber else "3"
+    friction, condim = [sliding, torsional * rubber, 0.0], "4" if rubber else "3"
     contact = {"friction": _numbers(friction), "condim": condim}
     SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", **contact})
     bodies = {"": world}
@@ -168,7 +171,9 @@ def _mjcf(motion: Motion) -> str:
     attitude = multiply(motion.attitude[0], from_matrix(turn))
     centre = [0.0, 0.0, scene.ball.radius]
     # A free joint has linear velocity in world axes and angular velocity in body axes.
-    velocity, spin = np.cross(omega, centre), rotation_matrix(attitude).T @ omega
+    velocity = np.cross(omega, centre)
+    velocity[:2] += scene.start_slip[:2]
+    spin = rotation_matrix(attitude).T @ omega
     keyframe = SubElement(root, "keyframe")
     qpos = [*centre, *attitude, *(hinge.angle for hinge in scene.hinges)]
     qvel = [*velocity, *spin, *(hinge.rate for hinge in scene.hinges)]

@@ -83,7 +83,7 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
     # Samples are STEP apart, or closer for a very short motion.
     step = min(STEP, last / 2)
     end = min(last, step * (MOST - 1))
-    grid = step * np.arange(int(np.floor(end / step * (1 + 1e-9))) + 1)
+    grid = np.asarray(step * np.arange(int(np.floor(end / step * (1 + 1e-9))) + 1), dtype=float)
     parts = [track_of(motion).at(grid[grid <= motion.times[-1] * (1 + 1e-9)]) for motion in motions]
     ball, looks = scene.ball, looks_of(scene.ball)
     shared = min(len(part.attitude) for part in parts)

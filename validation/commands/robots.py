@@ -364,6 +364,7 @@ def export(
     /,
     *,
     control: options.Controls = (),
+    friction: options.Frictions = (),
     out: Annotated[Path | None, Parameter(metavar="DIR")] = None,
     preset: options.PresetName = "balanced",
     duration: options.Duration = None,
@@ -388,7 +389,7 @@ def export(
     from ..output import writable_folder, write_text
     from ..results import controlled
 
-    ball, settings = controlled(scene, control), settings_of(preset)
+    ball, settings = controlled(scene, control, friction=friction), settings_of(preset)
     ball = replace(ball, duration=options.seconds_of(duration, False, ball))
     if out is None:
         model = write_model(ball, settings)

@@ -141,6 +141,18 @@ def _words(model: Model, needs: str | None) -> list[str]:
             "Dry friction: frictionloss is a soft row, which acts along a rate shortly before a "
             "load reverses it. robotball applies a torque of the same size instead."
         )
+    if settings.slips:
+        lines.append(
+            "Slip: solref, solimp, impratio and solreffriction only help together, and with this "
+            "timestep. For another timestep, export again."
+        )
+    elif settings.solreffriction is not None:
+        lines.append(
+            "Friction: enough to roll without slip. If you lower it, the ball slips wrongly, by a "
+            "seventh of its path or more, because solreffriction is too weak to end a slip. For "
+            "another contact, which slips rightly, give sliding in [friction] of the scene file, "
+            "or the option friction of robotball export, and export again."
+        )
     if settings.start_in_equilibrium:
         lines.append("Margin: the depth at which the contact carries the ball at its radius.")
     lines.append(

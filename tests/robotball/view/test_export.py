@@ -9,6 +9,7 @@ import pytest
 import robotball as rb
 from robotball.files.columns import read_table
 from tests.random_robots import random_scene
+from tests.robotball.theory.test_friction import sphere
 
 TIMES = np.linspace(0, 0.2, 5)
 # The last two are a rubber and a classical robot with three off-centre hinges each.
@@ -68,3 +69,12 @@ def test_the_exported_friction_is_what_the_motion_needs(tmp_path: Path) -> None:
     both = 1.5 * loads.sliding_friction.max(), 1.5 * loads.torsional_friction.max()
     floor = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml")).geom("floor")
     assert floor.friction == pytest.approx([*both, 0])
+
+
+def test_an_exported_ball_that_slides_has_its_friction_and_its_velocity(tmp_path: Path) -> None:
+    """A ball that rolled from the start would have the velocity (0.5, -1) m/s."""
+    slides = sphere((2.0, 0.0), (10.0, 5.0, 0.0), rb.Friction(0.3))
+    rb.export_scene(slides, tmp_path, 1.0)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    assert model.geom("floor").friction.tolist() == [0.3, 0.0, 0.0]
+    assert model.key_qvel[0] == pytest.approx([2.0, 0.0, 0.0, 10.0, 5.0, 0.0], abs=1e-13)

@@ -374,6 +374,12 @@ def test_export_prints_a_complete_mjcf_file(robotball: Robotball) -> None:
     assert (status, complaint) == (0, "")
 
 
+def test_export_takes_a_friction(robotball: Robotball) -> None:
+    status, out, complaint = robotball("export", "fig12", "--friction", "1,0.5")
+    assert (status, complaint) == (0, "")
+    assert mujoco.MjModel.from_xml_string(out).pair_friction[0, :3].tolist() == [1.0, 1.0, 0.5]
+
+
 def test_export_writes_a_player_for_varying_controls(robotball: Robotball, tmp_path: Path) -> None:
     """The folder has the player and the printed model; a moving plane has no MJCF."""
     options = ("wobbling_drive", "--duration", 0.1, "--preset", "fast")

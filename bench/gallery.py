@@ -26,7 +26,7 @@ from robotball.engines.mujoco.settings import FIRST_ORDER
 from robotball.files.replacing import replacing
 from robotball.view.render import Film, frames
 from validation.agreement import compare
-from validation.comparing import motions_of
+from validation.comparing import motions_of, note_of
 from validation.output import write_text
 from validation.studies.extremes import LAWS, Outcome
 
@@ -126,7 +126,7 @@ def _write_frame(path: Path) -> None:
     comparisons = [
         compare("fig12", sample_times(_FILMED), settings=name) for name in ("naive", "balanced")
     ]
-    film = Film(ghost=True)
+    film = Film(ghost=True, note=note_of(comparisons))
     later = islice(frames(motions_of(comparisons, "film"), film), round(_SHOWN * film.fps), None)
     with replacing(path) as temporary:
         mediapy.write_image(temporary, next(later), fmt="png")

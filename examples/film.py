@@ -1,4 +1,4 @@
-"""Film MuJoCo as it comes beside the equations: python examples/film.py."""
+"""Film MuJoCo with default settings beside the equations: python examples/film.py."""
 
 from pathlib import Path
 

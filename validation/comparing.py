@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotball import InputError, Motion, Request, Scene, integrate
+from robotball.engines.mujoco.limits import percent
 from robotball.files.replacing import refused
 from robotball.processes import allowed, in_processes
 from robotball.rotations import Array
@@ -121,6 +122,13 @@ def film(path: Path, motions: Sequence[Motion], how: "Film | None" = None) -> No
         words = f"{motions[-1].scene.name}: video"
         options = vars(how) if how else {}
         render.film(path, motions, progress=lambda part: show(part, words), **options)
+
+
+def note_of(agreements: Sequence[Agreement]) -> str:
+    """Return what the friction of the engine's settings alone does, as a note for a film."""
+    slips = [run.slip for run in agreements if run.slip and run.slip.of_settings]
+    shares = [slip.by_friction for slip in slips if slip.by_friction is not None]
+    return f"too little friction alone changes the path by {percent(max(shares))}" if shares else ""
 
 
 def motions_of(agreements: Sequence[Agreement], kind: str) -> list[Motion]:

@@ -58,8 +58,14 @@ class Slip:
         if all(need):
             parts[0] += f", and rolling without slip needs {' and '.join(need)}"
         parts.append(f"the ball slips from {', '.join(shown)}{more}")
+        return "; ".join(filter(None, [*parts, self.split]))
+
+    @property
+    def split(self) -> str:
+        """The parts of friction and engine as words, as far as they are known."""
+        parts = []
         if self.by_friction is not None:
-            parts.append(f"this friction alone changes the path by {percent(self.by_friction)}")
+            parts.append(f"friction alone changes the path by {percent(self.by_friction)}")
         # Under the scene's own friction it is the path error of the table.
         if self.of_settings and self.by_engine is not None:
             parts.append(f"the engine is {percent(self.by_engine)} off the path with this friction")

@@ -210,6 +210,7 @@ class Film:
     slow : how many times slower than real time
     camera : "follow" a ball, look from "above", or fixed with the "whole" path in view
     ghost : draw all balls in one picture, the last as a ghost, instead of one picture per ball
+    note : a text below the title
     """
 
     fps: int = 30
@@ -217,6 +218,7 @@ class Film:
     slow: float = 1.0
     camera: Literal["follow", "above", "whole"] = "follow"
     ghost: bool = False
+    note: str = ""
 
     def __post_init__(self) -> None:
         check_positive("slow", self.slow, "")
@@ -360,9 +362,11 @@ class _Painter:
 
 
 def _notes(motions: Sequence[Motion], film: Film, looks: Looks) -> Iterator[str]:
-    """Yield the engines' versions, and in which respects the film deviates from reality."""
+    """Yield the engines' versions, the film's note, and how the film deviates from reality."""
     engines = (motion.engine for motion in motions[:-1])
     yield from dict.fromkeys(f"{engine.name} {engine.version}" for engine in engines)
+    if film.note:
+        yield film.note
     if slips_of(motions[-1]):
         yield "yellow path: the ball slips"
     if film.slow != 1:
@@ -423,7 +427,7 @@ def film(
     **options
         `fps`, frames a second, 30 by default. `size`, the height and the width in pixels. `slow`,
         how many times slower than life. `camera`, which is "follow", "above" or "whole". `ghost`,
-        True for one picture with the last ball as a ghost.
+        True for one picture with the last ball as a ghost. `note`, a text below the title.
 
     Returns
     -------

@@ -162,7 +162,7 @@ def demo(*, out: options.Out = options.OUT) -> int:
     from robotball.view.tracks import label_of
 
     from .. import results
-    from ..comparing import film, motions_of
+    from ..comparing import film, motions_of, note_of
     from ..output import program, write_text
     from ..report.scene_report import report
 
@@ -187,15 +187,16 @@ def demo(*, out: options.Out = options.OUT) -> int:
     path = out / f"{results.file_stem(filmed)}.mp4"
     console.print(f"{page} can be opened now; a film is added to it, which takes a minute.")
     try:
-        film(path, motions_of(filmed, "video"), Film(size=_FILM, fps=24, ghost=True))
+        how = Film(size=_FILM, fps=24, ghost=True, note=note_of(filmed))
+        film(path, motions_of(filmed, "video"), how)
         write_text(page, report(shown, command, path))
     # A film needs a GL and an encoder, without which the rest of the demo is as good.
     except InputError as error:
         console.print(escape(f"no video: {error}"), style="yellow")
     naive, balanced = (float(agreement.path_errors.max()) for agreement in filmed)
-    as_it_comes, end = label_of(filmed[0].motion), filmed[0].end
+    split = f" ({filmed[0].slip.split})" if filmed[0].slip else ""
     console.print(
-        f"{as_it_comes} leaves the path: {naive:.2g} m off after {end:g} s; "
+        f"{label_of(filmed[0].motion)}: {naive:.2g} m off after {filmed[0].end:g} s{split}; "
         f"robotball's settings: {balanced:.0e} m.  open {page}", style="bold", markup=False,
     )  # fmt: skip
     return options.AGREES
@@ -220,7 +221,7 @@ def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = Fal
     from robotball import InputError
 
     from ..comparing import film as write_film
-    from ..comparing import motions_of
+    from ..comparing import motions_of, note_of
     from ..output import program, write_text
     from ..report.scene_report import report as page_of
     from ..results import file_stem, record, scenes_of, show
@@ -242,7 +243,7 @@ def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = Fal
             # Its import prepares off-screen drawing.
             from robotball.view.render import Film
 
-            how = Film(size=_FILM, ghost=len(first) > 1)
+            how = Film(size=_FILM, ghost=len(first) > 1, note=note_of(first))
             write_film(movie, motions_of(first, "video"), how)
         write_text(path, page_of(agreements, command, movie))
     show(list(map(record, agreements)), Console())

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -47,7 +48,7 @@ def video(
     """
     from robotball.view.render import Film
 
-    from ..comparing import film, motions_of
+    from ..comparing import film, motions_of, note_of
     from ..results import changed, file_name, file_stem
 
     how = Film(fps, _size(resolution), slow, camera, ghost)
@@ -63,6 +64,7 @@ def video(
     else:
         agreements = run.agreements([run.scene(scene)])
         stem, motions = file_stem(agreements), motions_of(agreements, "video")
+        how = replace(how, note=note_of(agreements))
         agrees = all(agreement.agrees for agreement in agreements)
     path = run.out / f"{file_name(stem, None, words)}.{format}"
     film(path, motions, how)

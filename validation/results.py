@@ -65,7 +65,7 @@ _TABLE_COLUMNS = (
     "verdict",
 )
 _SYMBOLS = "γ: the vertical seen from the frame; M: momentum"
-_NAIVE = "; naive: the engine's default settings"
+NAIVE = "naive: default settings, servos of gain 1"
 OWN_FILE = (
     "Here the contact has robotball's settings. `robotball check {0}` runs the file with its own "
     "settings, and `robotball video {0} --as-is` films that."
@@ -316,7 +316,7 @@ def show(records: Sequence[Record], console: Console) -> None:
             below.append((f"{row['scene']}: {growth_of(row['loop_growth'])}", "dim"))
     print_whole(table, console)
     within = {row["preset"]: f"{row['tolerance']:g} ({row['preset']})" for row in records}
-    console.print(_SYMBOLS + _NAIVE * ("naive" in within), style="dim", highlight=False)
+    console.print(_SYMBOLS + f"; {NAIVE}" * ("naive" in within), style="dim", highlight=False)
     for line, style in ((f"tolerance: {', '.join(within.values())}", "dim"), *dict.fromkeys(below)):
         console.print(escape(line), style=style, soft_wrap=not console.is_terminal)
 

@@ -14,10 +14,12 @@ from robotball.engines.mujoco.special_limits import late_friction
 from robotball.motion import attitude_error, path_error
 from robotball.robot.motors import Servo
 from robotball.robot.scene import Friction
+from robotball.view.render import Film, _notes
 from tests.imports import PROJECT
 from tests.messages import naming, unnamed
 from tests.robotball.theory.test_friction import regular, sphere
 from validation import compare
+from validation.comparing import note_of
 from validation.results import controlled
 
 pytestmark = pytest.mark.core
@@ -143,6 +145,16 @@ def test_the_distance_of_default_settings_is_split_into_friction_and_engine() ->
     assert slip.by_friction == pytest.approx(0.42, abs=0.01)
     assert slip.by_engine == pytest.approx(0.28, abs=0.03)
     assert unnamed("1 1.15 0.005~m 1.87~m 0~to~2~s 42~% 28~%", str(slip)) == []
+
+
+def test_a_film_of_default_settings_says_what_their_friction_does() -> None:
+    """Not of enough friction, nor of the scene's own, with which the equations' ball slips, too."""
+    naive, fast = (compare("fig12", 2.0, settings=name) for name in ("naive", "fast"))
+    assert unnamed("friction 42~%", note_of([naive, fast])) == []
+    assert note_of([fast]) == note_of([compare(regular(0.3), 1.0, settings="fast")]) == ""
+    assert note_of([naive]) in [
+        *_notes([naive.motion, naive.theory], Film(note=note_of([naive])), {})
+    ]
 
 
 def test_a_scenes_own_friction_is_told_with_what_ideal_rolling_needs() -> None:

@@ -18,7 +18,7 @@ from robotball.view.web import view_fragment, view_head
 from ..agreement import Agreement
 from ..output import known, scientific
 from ..plots import framed
-from ..results import OWN_FILE, growth_of, needs
+from ..results import NAIVE, OWN_FILE, growth_of, needs
 from . import VERDICTS, embedded, folded, page, paragraph, plain, plot, table, text
 from .chart import Line
 
@@ -147,7 +147,7 @@ def _ball_numbers(group: Sequence[Agreement]) -> str:
         "and is not a material's value), and the largest fraction of its limit that is used"
     )
     if any(run.settings.name == "naive" for run in group):
-        meanings.append("naive: the engine's default settings")
+        meanings.append(NAIVE)
     if (error := group[0].reference_error) is not None:
         meanings.append(f"the reference has a path error of {scientific(error)}")
     return table(headings, rows) + paragraph(f"{'; '.join(meanings)}.", "faint")

@@ -1,11 +1,15 @@
 """Quaternions (w, x, y, z), unit vectors, and arrays of numbers given by the user."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from robotball.errors import InputError
 
+# Numbers, columns, or any other type with + - *.
+Quaternion = tuple[Any, Any, Any, Any]
+_Vector = tuple[Any, Any, Any]
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
@@ -28,9 +32,30 @@ def as_floats(name: str, value: object, shape: tuple[int, ...] | None = None) ->
     return array
 
 
+def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
+    """Return p∘q of quaternions (w, x, y, z): first the rotation q, then p."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + q[0] * p[1] + (p[2] * q[3] - p[3] * q[2]),
+        p[0] * q[2] + q[0] * p[2] + (p[3] * q[1] - p[1] * q[3]),
+        p[0] * q[3] + q[0] * p[3] + (p[1] * q[2] - p[2] * q[1]),
+    )
+
+
+def unit_space_axes(q: Quaternion) -> tuple[_Vector, _Vector, _Vector]:
+    """Return α, β, γ of a unit quaternion; of any other, times the square of its length."""
+    w, x, y, z = q
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    return (
+        (ww + xx - yy - zz, 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), ww + yy - xx - zz, 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), ww + zz - xx - yy),
+    )
+
+
 def multiply(p: Array, q: Array) -> Array:
     """Return the unit quaternion p∘q (..., 4): rotate by q first, then by p."""
-    return (_rotation(p) * _rotation(q)).as_quat(scalar_first=True)
+    return _unit(np.stack(quaternion_product(_components(p), _components(q)), axis=-1))
 
 
 def conjugate(q: Array) -> Array:
@@ -40,12 +65,18 @@ def conjugate(q: Array) -> Array:
 
 def turned(q: Array, turn: Array) -> Array:
     """Return q (..., 4) followed by rotation vectors `turn` (..., 3) in frame axes [rad]."""
-    return (_rotation(q) * Rotation.from_rotvec(turn)).as_quat(scalar_first=True)
+    half = np.linalg.norm(turn, axis=-1, keepdims=True) / 2
+    rotation = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * turn], axis=-1)
+    return multiply(q, rotation)
 
 
 def turn_between(p: Array, q: Array) -> Array:
     """Return the rotation vectors (..., 3) in frame axes that take p to q (..., 4) [rad]."""
-    return (_rotation(p).inv() * _rotation(q)).as_rotvec()
+    turn = multiply(conjugate(p), q)
+    turn *= np.where(turn[..., :1] < 0, -1.0, 1.0)  # not more than half a revolution
+    sine = np.linalg.norm(turn[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, turn[..., :1])
+    return turn[..., 1:] * np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0)
 
 
 def angle_between(p: Array, q: Array) -> Array:
@@ -55,13 +86,26 @@ def angle_between(p: Array, q: Array) -> Array:
 
 def rotation_matrix(q: Array) -> Array:
     """Return the rotation matrices (..., 3, 3) of quaternions (..., 4); their rows are α, β, γ."""
-    return _rotation(q).as_matrix()
+    rows = [np.stack(row, axis=-1) for row in unit_space_axes(_components(q))]
+    return np.stack(rows, axis=-2)
 
 
 def from_matrix(R: Array) -> Array:
     """Return the unit quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3)."""
+    # The rows of 4 q qᵀ are multiples of q. The longest loses no digits.
+    diagonal = np.diagonal(R, axis1=-2, axis2=-1)
+    trace = diagonal.sum(axis=-1, keepdims=True)
+    rows = np.empty((*R.shape[:-2], 4, 4))
+    rows[..., 1:, 1:] = R + R.swapaxes(-1, -2)
+    rows[..., 0, 1:] = np.stack([R[..., k - 1, k - 2] - R[..., k - 2, k - 1] for k in range(3)], -1)
+    rows[..., 1:, 0] = rows[..., 0, 1:]
+    squares = np.concatenate([1 + trace, 1 - trace + 2 * diagonal], axis=-1)
+    rows[..., range(4), range(4)] = squares
+    longest = squares.argmax(axis=-1)[..., None, None]
+    q = _unit(np.take_along_axis(rows, longest, axis=-2)[..., 0, :])
     # Canonical, so that equal rotations have equal numbers: q and -q are the same rotation.
-    return Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
+    first = np.take_along_axis(q, (q != 0).argmax(axis=-1)[..., None], axis=-1)
+    return np.where(first < 0, -q, q)
 
 
 def perpendicular(axis: Array) -> Array:
@@ -104,8 +148,13 @@ def direction(name: str, v: Array) -> Array:
     return normalised(v)
 
 
-def _rotation(q: Array) -> Rotation:
-    return Rotation.from_quat(q, scalar_first=True)
+def _unit(q: Array) -> Array:
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    return q / np.sqrt(x * x + y * y + z * z + w * w)[..., None]
+
+
+def _components(q: Array) -> Quaternion:
+    return tuple(np.moveaxis(_unit(q), -1, 0))
 
 
 def uneven(end: float, gap: float) -> Array:

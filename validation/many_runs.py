@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robotball import (
     Engine,
@@ -26,7 +25,7 @@ from robotball.errors import InputError, check_count, unknown
 from robotball.motion import Motion, Progress, extended
 from robotball.processes import in_processes
 from robotball.robot.scene import Times, times_of
-from robotball.rotations import Array
+from robotball.rotations import Array, normalised
 from robotball.theory.reduced import motion_of
 
 from .agreement import Agreement, compare
@@ -40,7 +39,7 @@ _ABREAST = 256  # starts integrated at once with the compiled step
 
 def random_start(scene: Scene, random: np.random.Generator) -> Start:
     """Return the start with a random attitude, and with M times a random factor of 0.3 to 1.5."""
-    attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
+    attitude = normalised(np.roll(random.normal(size=4), 1))
     # The direction of M in the world stays, because a rubber ball's M is horizontal.
     momentum = scene.start.momentum * random.uniform(0.3, 1.5)
     return replace(scene.start, attitude=attitude, momentum=momentum)

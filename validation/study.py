@@ -10,10 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
 from rich.markup import escape
@@ -27,6 +25,10 @@ from robotball.theory.reduced import compiled_states, motion_of
 from .output import panels, print_whole, write_picture, write_record, write_rows
 from .results import controlled, file_name
 from .sweeps import Cell
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 CANCELLED = 100.0
 """Largest ratio of the momentum error to the path error. Sound runs reach 20; with a larger ratio,
@@ -122,7 +124,7 @@ def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
     return front
 
 
-def cost_axes(heading: str, xlabel: str) -> tuple[Figure, Axes]:
+def cost_axes(heading: str, xlabel: str) -> "tuple[Figure, Axes]":
     """Return a figure with logarithmic axes: errors across, costs upwards."""
     figure, axes = panels(heading, (10.0, 7.2))
     axes.set(xscale="log", yscale="log", xlabel=xlabel)
@@ -158,7 +160,7 @@ class Study:
     rows: Sequence[Row]
     record: Mapping[str, Any] | None = None
     shown: Sequence[Table | str] = ()
-    picture: Figure | None = None
+    picture: "Figure | None" = None
 
     def stem(self, *words: str) -> str:
         """Return the file name without extension; `words` are parts for the options."""

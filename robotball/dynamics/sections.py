@@ -31,7 +31,7 @@ from robotball.robot.ball import Rotor, Value
 from robotball.robot.drives import Constant, Drive, Sine, Total
 from robotball.robot.formulas import Parameters
 from robotball.robot.scene import Scene, Start, along_momentum, section_state
-from robotball.rotations import Array, Mask, conjugate, multiply, rotation_matrix
+from robotball.rotations import Array, Mask, conjugate, multiply, rotation_matrix, unit_space_axes
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.theory.ensembles.crossings import TRACK, cross
 from robotball.theory.ensembles.flatten import LANES
@@ -158,7 +158,7 @@ def sections_of(
     times, states, directions, number, status = results
     world = starts.to_world(states)
     MX, MY, MZ = np.asarray(momenta, dtype=float).T[:, :, None]
-    axes = eq.unit_space_axes(components(world))
+    axes = unit_space_axes(components(world))
     M, gamma = eq.seen_from_frame((MX, MY, MZ), axes), np.stack(axes[2], axis=-1)
     return Section(times, gamma, np.stack(M, axis=-1), directions, world, number, status)
 

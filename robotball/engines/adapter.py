@@ -31,10 +31,9 @@ from robotball.engines.observe import spans
 from robotball.engines.states import UNKNOWN_FORCE, State, motion_of_rows, start_state
 from robotball.errors import InputError, warn
 from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label
-from robotball.robot import formulas as eq
 from robotball.robot.formulas import as_vector
 from robotball.robot.scene import Scene
-from robotball.rotations import Array
+from robotball.rotations import Array, quaternion_product
 from robotball.theory.dop853 import Compensated, Rate, one_by_one
 
 _CALLS = 200  # calls or steps without the engine, to time Python's share of a run
@@ -426,7 +425,7 @@ class IdealWorld(World):
         S, (w, x, y, z) = self.S, state.attitude
         free_rate = np.linalg.solve(S.T @ M @ S, -S.T @ (M @ pushed + h))
         # ω is in world axes, so it multiplies from the left: dq/dt = (0, ω)∘q/2.
-        q_rate = eq.quaternion_product((0.0, *as_vector(state.omega)), (w, x, y, z))
+        q_rate = quaternion_product((0.0, *as_vector(state.omega)), (w, x, y, z))
         return np.array([*state.velocity[:2], *(part / 2 for part in q_rate), *free_rate])
 
     def state_at(self, t: float, y: Array) -> State:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.optimize import root_scalar
 
 from robotball.engines import adapter
+from robotball.engines.observe import depth_at_rest
 from robotball.engines.states import State, force_on_ball, links_of, start_state
 from robotball.motion import Label
 from robotball.robot.scene import Scene
@@ -107,9 +107,7 @@ def _carrying_depth(scene: Scene, settings: _DrakeSettings) -> float:
         plant.SetPositionsAndVelocities(context, at_rest)
         return float(plant.EvalTimeDerivatives(context).CopyToVector()[q + 5])
 
-    # The load is a smooth function of the depth, so a secant needs few evaluations.
-    root = root_scalar(vertical_acceleration, x0=0.0, x1=_FIRST_DEPTH * a, xtol=_DEPTH_ERROR * a)
-    return float(root.root)
+    return depth_at_rest(vertical_acceleration, 0.0, _FIRST_DEPTH * a, _DEPTH_ERROR * a)
 
 
 def _motors(scene: Scene, armature: float | None) -> Any:

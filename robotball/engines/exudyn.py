@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from robotball.engines import adapter
 from robotball.engines.states import State, force_on_ball
@@ -174,6 +173,8 @@ class _ExudynWorld(adapter.World):
             yield states.__next__
 
     def _states(self, times: Array) -> Iterator[State]:
+        from scipy.interpolate import CubicSpline  # late: all engines are listed without it
+
         read = [self.system.GetSensorStoredData(sensor) for sensor in self.sensors]
         # The cubic's error has order 4, the solver's order 2.
         path = CubicSpline(read[0][:, 0], np.hstack([columns[:, 1:] for columns in read]))

@@ -18,7 +18,7 @@ from robotball.motion import (
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL
-from robotball.theory.multibody.integration import LABEL, integrate
+from robotball.theory.multibody import LABEL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +40,8 @@ class _Multibody(Engine):
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the scene's motion, which neither slips nor spins."""
+        from robotball.theory.multibody.integration import integrate  # loads numba
+
         settings = as_own(request.settings, _MultibodySettings, LABEL)
         # Compiling and loading is set-up, which the time of the run excludes.
         integrate(scene, times[:2], settings.rtol)

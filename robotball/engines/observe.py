@@ -1,10 +1,10 @@
 """Turn the states of a run into readings, faults and the recorded motion.
 
-Every engine uses the same steps, fault criteria and recording. In order: the steps of a run, the
-readings, the monitor, the recording.
+Every engine uses the same steps, fault criteria and recording. In order: the depth at the start,
+the steps of a run, the readings, the monitor, the recording.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -33,6 +33,26 @@ from robotball.rotations import Array, Mask
 
 _ROUNDING = 2e-15  # relative rounding error of a hinge angle and of its drive's angle
 _ORDER = {kind: i for i, kind in enumerate(FaultKind)}
+_TRIALS = 50  # of a depth; the force is nearly linear in it, so three or four suffice
+
+
+def depth_at_rest(
+    upward: Callable[[float], float], near: float, far: float, tolerance: float
+) -> float:
+    """Return the depth [m] of a contact at which no force is left, nan if none is found.
+
+    upward: the force or acceleration at a depth; near, far: two different trials of it. The secant
+    method ends when the depth changes by no more than `tolerance` [m].
+    """
+    before, last = upward(near), upward(far)
+    for _ in range(_TRIALS):
+        if last == before:
+            break
+        near, far = far, far - last * (far - near) / (last - before)
+        if abs(far - near) <= tolerance:
+            return far
+        before, last = last, upward(far)
+    return np.nan
 
 
 def spans(

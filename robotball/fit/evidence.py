@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
-from scipy.linalg import qr
+from scipy.special import chdtrc, fdtrc  # scipy.stats takes a quarter second to import
 
 from robotball.fit.logs import Log
 from robotball.fit.residuals import Residuals, Unknown, of_circumstance
@@ -309,6 +308,8 @@ def _undetermined(covariance: Array, unknowns: Sequence[Unknown]) -> Iterator[st
 
 def _sparse(directions: Array) -> Array:
     """Return a basis (m, p) of the same space with one nonzero pivot component per direction."""
+    from scipy.linalg import qr  # late: most fits determine every number
+
     pivots = qr(directions, mode="r", pivoting=True)[1][: len(directions)]
     return np.asarray(np.linalg.solve(directions[:, pivots], directions))
 
@@ -321,8 +322,8 @@ def chi2_of(left: Array) -> float:
 def probability_of(chi2: float, degrees: float, count: int, estimated: bool) -> float:
     """Return the probability of a χ² at least as large, allowing for estimated noise."""
     if estimated:
-        return float(stats.f.sf(chi2 / degrees, degrees, _NOISE_KNOWN_BY * count))
-    return float(stats.chi2.sf(chi2, degrees))
+        return float(fdtrc(degrees, _NOISE_KNOWN_BY * count, chi2 / degrees))
+    return float(chdtrc(degrees, chi2))
 
 
 def sensor_fits(residuals: Residuals, x: Array, fitted: float) -> Iterator[SensorFit]:
@@ -345,7 +346,7 @@ def sensor_fits(residuals: Residuals, x: Array, fitted: float) -> Iterator[Senso
 def _since(times: Array, weighed: Array) -> float:
     for rows in np.array_split(np.arange(len(times)), min(_WINDOWS, len(times))):
         part = weighed[rows]
-        if stats.chi2.sf(chi2_of(part), part.size) < _DOUBT / _WINDOWS:
+        if chdtrc(part.size, chi2_of(part)) < _DOUBT / _WINDOWS:
             return float(times[rows[0]])
     return float(times[0])
 

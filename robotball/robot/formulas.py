@@ -20,12 +20,11 @@ import numpy as np
 
 from robotball.errors import LARGEST, InputError
 from robotball.robot.ball import Ball
-from robotball.rotations import Array
+from robotball.rotations import Array, Quaternion, unit_space_axes
 
 # Any type with + - * /; numba, sympy and heyoka have no common protocol.
 Scalar = Any
 Vector = tuple[Scalar, Scalar, Scalar]
-Quaternion = tuple[Scalar, Scalar, Scalar, Scalar]
 Rolling = Literal["rubber", "classical"]
 ROLLING_MODELS: tuple[str, ...] = get_args(Rolling)
 
@@ -133,31 +132,10 @@ def space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
     return scale(per_square, alpha), scale(per_square, beta), scale(per_square, gamma)
 
 
-def unit_space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
-    """Return α, β, γ of a unit quaternion; of any other, times the square of its length."""
-    w, x, y, z = q
-    ww, xx, yy, zz = w * w, x * x, y * y, z * z
-    return (
-        (ww + xx - yy - zz, 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), ww + yy - xx - zz, 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), ww + zz - xx - yy),
-    )
-
-
 def seen_from_frame(v: Vector, axes: tuple[Vector, Vector, Vector]) -> Vector:
     """Return a world vector in frame axes: v_X α + v_Y β + v_Z γ, with the space axes α, β, γ."""
     alpha, beta, gamma = axes
     return add(add(scale(v[0], alpha), scale(v[1], beta)), scale(v[2], gamma))
-
-
-def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
-    """Return p∘q of quaternions (w, x, y, z): first the rotation q, then p."""
-    return (
-        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-        p[0] * q[2] + p[2] * q[0] + p[3] * q[1] - p[1] * q[3],
-        p[0] * q[3] + p[3] * q[0] + p[1] * q[2] - p[2] * q[1],
-    )
 
 
 def turntable_velocity(spin: Scalar, point: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:

@@ -18,11 +18,10 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robotball.robot.ball import PARTS, Ball, Body, Frame, Link, Pendulum, Rotor, Shell
 from robotball.robot.shapes import Kind, Shape
-from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, z_along
+from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, turned, z_along
 
 INK = "#22262B"  # text
 ACCENT = "#D55E00"  # the reference
@@ -241,7 +240,9 @@ def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) ->
     }
     size, pos = np.zeros(3), numbers["pos"]
     size[: len(numbers["size"])] = numbers["size"]
-    turn = Rotation.from_euler("XYZ", numbers["euler"], degrees=True).as_quat(scalar_first=True)
+    turn = np.array([1.0, 0.0, 0.0, 0.0])
+    for axis, angle in zip(np.eye(3), np.radians(numbers["euler"]), strict=True):
+        turn = turned(turn, angle * axis)
     if kind == "mesh":
         mesh = meshes[geom.attrib["mesh"]]
         tube = float(mesh.attrib["params"].split()[1])

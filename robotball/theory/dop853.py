@@ -1,18 +1,18 @@
 """Integrate differential equations: DOP853 with compensated summation.
 
 The method is DOP853 (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.5),
-with scipy's coefficients and step control, and with compensated (Kahan) summation of the state. At
-the least tolerance the error of a step is smaller than the rounding of its sum, which therefore
+with its table in dop853.csv, scipy's step control, and compensated (Kahan) summation of the state.
+At the least tolerance the error of a step is smaller than the rounding of its sum, which therefore
 must not accumulate. scipy's solver evaluates each stage from Python, which takes longer than
 compiled equations.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import Progress
@@ -30,9 +30,13 @@ LEAST_RTOL = 1e-15  # relative error of one step; a smaller one only makes more 
 
 # Relative error allowed in the displacement of a step; it is small against that of the state.
 _OF_DISPLACEMENT = 100 * float(np.finfo(float).eps)
-STAGES = DOP853.n_stages  # stages of a step after its begin; the last is at its end
-_WEIGHTS, _NODES = np.vstack([DOP853.A[1:], DOP853.B]), np.append(DOP853.C[1:], 1.0)
-_MORE = np.ascontiguousarray(DOP853.A_EXTRA)  # the weights of the interpolant's further stages
+STAGES = 12  # stages of a step after its begin; the last is at its end
+# Rows of the table: a node and 16 weights for each stage of a step, each of the interpolant's three
+# further stages, the errors of orders 5 and 3, and four coefficients of the interpolant.
+_TABLE = np.loadtxt(Path(__file__).with_suffix(".csv"), delimiter=",")
+_NODES, _WEIGHTS = _TABLE[:STAGES, 0].copy(), _TABLE[:STAGES, 1 : STAGES + 1].copy()
+_MORE_NODES, _MORE = _TABLE[STAGES:15, 0].copy(), _TABLE[STAGES:15, 1:].copy()
+_ERRORS, _INTERPOLANT = _TABLE[15:17, 1 : STAGES + 2], _TABLE[17:, 1:]
 _SAFETY, _LEAST, _MOST, _EXPONENT = 0.9, 0.2, 10.0, -1 / 8  # of the next step
 
 
@@ -99,7 +103,7 @@ class Compensated:
             length = new - t
             end = self.stages(t + _NODES * length, length, _WEIGHTS, base, begin, slopes)
             allowed = tolerance + np.maximum(np.abs(begin), np.abs(end)) * _OF_DISPLACEMENT
-            sums = [np.dot(slopes.T, weights) / allowed for weights in (DOP853.E5, DOP853.E3)]
+            sums = [np.dot(slopes.T, weights) / allowed for weights in _ERRORS]
             fifth, third = (np.sqrt(np.dot(errors, errors)) ** 2 for errors in sums)
             error = float(length * fifth / (np.sqrt((fifth + 0.01 * third) * len(base)) or 1.0))
             factor = _SAFETY * error**_EXPONENT if error else _MOST
@@ -118,8 +122,9 @@ class Compensated:
         if len(times) == 1 and times[0] == self.t:  # the value of the interpolant
             return (self._base + (change + begin))[None]
         if not self._inside:
-            self.stages(began + DOP853.C_EXTRA * length, length, _MORE, self._base, begin, slopes)
-            more, curve = length * np.dot(DOP853.D, slopes), length * (self.derivative + slopes[0])
+            self.stages(began + _MORE_NODES * length, length, _MORE, self._base, begin, slopes)
+            more = length * np.dot(_INTERPOLANT, slopes)
+            curve = length * (self.derivative + slopes[0])
             self._inside = [*more[::-1], 2 * change - curve, length * slopes[0] - change, change]
         part, displacements = ((times - began) / length)[:, None], np.zeros((len(times), 1))
         for i, coefficient in enumerate(self._inside):

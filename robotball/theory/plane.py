@@ -1,7 +1,6 @@
 """The moving plane: the ball's path in space, lift-off, and refusals of a plane that moves."""
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from robotball.errors import EarlyEndError, InputError
 from robotball.motion import Motion
@@ -63,6 +62,7 @@ def check_no_turn(scene: Scene, what: str) -> None:
 
 def check_pressed(scene: Scene) -> None:
     """Raise InputError if a balanced ball lifts off the moving plane."""
+    from scipy.optimize import brentq, minimize_scalar  # late: few planes move
 
     def load(t: float) -> float:
         return float(-scene.gravity_at(t)[2])

@@ -24,13 +24,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
-from scipy.spatial.transform import Rotation
 
 from robotball.robot import looks as palette
 from robotball.robot.ball import PARTS
 from robotball.robot.looks import BLUR, MARKS, Looks, add_materials
 from robotball.robot.shapes import add_geoms
-from robotball.rotations import Array
+from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.view import gl
 from robotball.view.tracks import SLIPS
 
@@ -91,8 +90,7 @@ def pose(
     """
     bodies = [ball[name] for ball in stands for name in names]
     data.mocap_pos[:] = np.array([shift[0] for _, shift in bodies])
-    turns = Rotation.from_matrix(np.array([turn[0] for turn, _ in bodies]))
-    data.mocap_quat[:] = turns.as_quat(scalar_first=True)
+    data.mocap_quat[:] = from_matrix(np.array([turn[0] for turn, _ in bodies]))
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
 
@@ -191,7 +189,8 @@ class Stage:
         """
         model = self._model
         pose(model, self._data, self._bodies, stands)
-        self._data.geom("floor").xmat = Rotation.from_rotvec([0.0, 0.0, turn]).as_matrix().ravel()
+        floor = np.array([np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)])
+        self._data.geom("floor").xmat = rotation_matrix(floor).ravel()
         self._centres = np.array([ball["shell"][1][0] for ball in stands])
         self._seen = self._opacity.copy()
         for i, fasts in enumerate(blurred):

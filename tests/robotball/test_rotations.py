@@ -1,8 +1,9 @@
-"""Quaternions: scipy's rotations agree with the formulas of robot/formulas.py."""
+"""Quaternions: scipy's rotations and the axes of robot/formulas.py agree with them."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from robotball.robot import formulas as eq
 from robotball.rotations import (
@@ -11,7 +12,10 @@ from robotball.rotations import (
     conjugate,
     from_matrix,
     multiply,
+    quaternion_product,
     rotation_matrix,
+    turn_between,
+    turned,
     z_along,
 )
 from tests.vectors import gap, units
@@ -20,6 +24,7 @@ ROUNDING = 3e-15  # of a few products of numbers of size one; measured at most 7
 
 
 quaternions = units(4)
+ANGLES = st.floats(0.0, 3.1)
 
 
 @given(p=quaternions, q=quaternions)
@@ -27,10 +32,28 @@ def test_a_product_of_quaternions_is_the_product_of_rotations(p: Array, q: Array
     """R(p∘q) = R(p)R(q), first q, then p; and R(q*) = R(q)ᵀ. For single ones and stacks."""
     product = multiply(p, q)
     assert gap(rotation_matrix(product), rotation_matrix(p) @ rotation_matrix(q)) < ROUNDING
-    assert gap(eq.quaternion_product(tuple(p), tuple(q)), product) < ROUNDING
+    assert gap(quaternion_product(tuple(p), tuple(q)), product) < ROUNDING
     assert gap(rotation_matrix(conjugate(q)), rotation_matrix(q).T) < ROUNDING
     stack = multiply(np.stack([p, q]), np.stack([q, p]))
     np.testing.assert_array_equal(stack, [product, multiply(q, p)])
+
+
+@given(p=quaternions, q=quaternions, length=st.floats(0.1, 10.0), turn=units(), angle=ANGLES)
+def test_rotations_are_those_of_scipy(
+    p: Array, q: Array, length: float, turn: Array, angle: float
+) -> None:
+    """Products, matrices and rotation vectors, of quaternions of any length, and of stacks."""
+    stack, other = length * np.stack([p, q, p]), np.stack([q, p, p])
+    left, right = (Rotation.from_quat(each, scalar_first=True) for each in (stack, other))
+    vectors = angle * np.stack([turn, -turn, 1e-9 * turn])
+    turns, between = Rotation.from_rotvec(vectors), (left.inv() * right).magnitude()
+    assert gap(multiply(stack, other), (left * right).as_quat(scalar_first=True)) < ROUNDING
+    assert gap(turned(stack, vectors), (left * turns).as_quat(scalar_first=True)) < ROUNDING
+    assert gap(rotation_matrix(stack), left.as_matrix()) < ROUNDING
+    assert gap(angle_between(stack, other), between) < ROUNDING
+    assert gap(turn_between(stack, turned(stack, vectors)), vectors) < 2 * ROUNDING
+    back = Rotation.from_matrix(left.as_matrix()).as_quat(canonical=True, scalar_first=True)
+    assert gap(from_matrix(left.as_matrix()), back) < ROUNDING
 
 
 @given(q=quaternions)

@@ -4,7 +4,6 @@ A law names the number of the file beside the number that the motion needs, or b
 it exceeds. `ablate` finds out which of the changes are needed.
 """
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,11 +11,11 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.optimize import root_scalar
 
 from robotball.engines.mujoco.model import friction_reference
 from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, for_slip, recipe
 from robotball.engines.mujoco.user_model import UserModel, wrenches
+from robotball.engines.observe import depth_at_rest
 from robotball.errors import counted
 from robotball.user_model.mended_file import Change, Editable, StartShift, editable
 from robotball.user_model.robot_file import body_name, geom_name, start_misses
@@ -30,6 +29,7 @@ _TIME_CONSTANT = BY_ERROR[1]  # s
 LONGEST_STEP = _TIME_CONSTANT / 2  # s, of a step that does not soften the contact
 _SOLIMP: Any = recipe("mended", 1e-3).solimp
 _LARGEST_MARGIN = 1e-2  # of the radius: a larger result is not meaningful
+_SAME_DEPTH = 1e-8  # m, the tolerance of a margin
 # The solver of the recipe, and the values beyond which a solver stops early.
 _SOLVER = {"solver": "Newton", "iterations": "100", "ls_iterations": "50", "tolerance": "1e-10"}
 _ITERATIONS, _LS_ITERATIONS, _TOLERANCE = 20, 10, 1e-8
@@ -309,11 +309,10 @@ def _with_margin(changes: Sequence[Change], seen: Observation, edit: Editable) -
     impedance, settles = model.pair_solimp[pairs[0], 1], model.pair_solref[pairs[0], 0]
     square = settles**2 if settles > 0 else -1 / settles
     guess = theory.scene.gravity * float((1 - impedance) * square)
-    with warnings.catch_warnings(action="ignore"):
-        root = root_scalar(excess, x0=guess, x1=1.1 * guess)
-    if not (root.converged and 0 < root.root < _LARGEST_MARGIN * theory.scene.ball.radius):
+    root = depth_at_rest(excess, guess, 1.1 * guess, _SAME_DEPTH)
+    if not 0 < root < _LARGEST_MARGIN * theory.scene.ball.radius:
         return [*changes]
-    margin = {"margin": _digits(root.root)}
+    margin = {"margin": _digits(root)}
     return [
         replace(change, pair={**change.pair, **margin}) if "solref" in change.pair else change
         for change in changes

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from robotball import InputError, engine_named, engine_names, integrate, load_scene, sample_times
 from robotball.engines.adapter import Adapter, not_installed
@@ -190,7 +189,7 @@ def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | 
         right, _ = kinetic_energy(theory, 0.0 * theory.times)
         power = -(motion.loads.contact_force * slip).sum(axis=1)
         if right.min() > 0:  # the energy of a ball at rest cannot be a unit
-            residuals["slip_work"] = trapezoid(power[1:], motion.times[1:]) / right[0]
+            residuals["slip_work"] = np.trapezoid(power[1:], motion.times[1:]) / right[0]
             error = energy / right[n] - 1.0
             residuals["energy_error"] = error[np.abs(error).argmax()]
     return {name: known(value) for name, value in residuals.items()}

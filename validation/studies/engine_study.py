@@ -9,10 +9,9 @@ from functools import cache
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.markup import escape
 
 from robotball import Engine, InputError, Scene, engine_named, engine_names, load_scene
@@ -38,6 +37,9 @@ from ..sweeps import Cell, Result, rows_of
 from . import engine_runs
 from .engine_runs import Contestant, python_of
 from .measuring import fit_order
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _LIMIT = 300.0  # s, time limit of a run with its compilation
 _ROUNDS = 3  # rounds of timing
@@ -236,7 +238,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> Figure:
+def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> "Figure":
     """Draw engines' costs against their errors; the second version of an engine is pale."""
     order = dict.fromkeys(run["contestant"] for run in sorted(runs, key=itemgetter("error")))
     within = [run for run in runs if run["usable"] and run["error"] <= _SAID]

@@ -4,9 +4,7 @@ The model is composed as text, which preserves every double. `MjSpec.attach` com
 `MjSpec.to_xml` writes six digits.
 """
 
-import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -15,9 +13,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
-from scipy.optimize import root_scalar
 
 from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings
+from robotball.engines.observe import depth_at_rest
 from robotball.errors import InputError, mujoco_silent
 from robotball.robot.ball import PARTS, Frame, Link, Pendulum, Rotor, Shell
 from robotball.robot.drives import Drive, turns
@@ -511,13 +509,11 @@ def carrying_depth(resolved: Resolved, data: mujoco.MjData) -> float:
         mujoco.mj_forward(model, data)
         return float(data.qacc[2])
 
-    # The acceleration is nearly linear in the depth, so the secant method needs few steps.
     scale = softness * resolved.scene.gravity / stiffness
-    with mujoco_silent(), warnings.catch_warnings(), suppress(ValueError):  # equal values
-        warnings.simplefilter("ignore")
-        solution = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
-        if solution.converged and 0 < solution.root < np.inf:
-            return float(solution.root)
+    with mujoco_silent():
+        depth = depth_at_rest(vertical_acceleration, scale, 1.1 * scale, 1e-16)
+    if 0 < depth < np.inf:
+        return depth
     # A ball that slips at the start has an upward acceleration at any depth. Without friction there
     # is an equilibrium.
     return resolved.equilibrium_depth

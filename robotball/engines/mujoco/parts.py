@@ -13,7 +13,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.optimize import brentq
 
 from robotball.engines.mujoco.control import (
     FREE_QPOS,
@@ -166,6 +165,7 @@ class _Switches:
 
     def _until_switch(self, data: mujoco.MjData, before: Array, longest: float) -> float:
         """Return the length of a step [s] up to the first switch, which `longest` exceeds."""
+        from scipy.optimize import brentq  # late: few motors reach a limit
 
         # Each trial begins from the same state, so `late` is continuous in the step's length. A
         # trial that diverges is beyond the switch.

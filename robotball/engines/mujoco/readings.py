@@ -16,7 +16,7 @@ from robotball.motion import DIVERGED, Fault, FaultKind
 from robotball.robot import formulas as eq
 from robotball.robot.loads import Loads
 from robotball.robot.motors import Free
-from robotball.rotations import Array, Mask, rotation_matrix
+from robotball.rotations import Array, Mask, rotation_matrix, unit_space_axes
 
 # Sensors of coordinates and velocities, which show whether a state has diverged.
 _STATE_SENSORS = [
@@ -203,7 +203,7 @@ def sensor_reader(model: Model) -> Callable[[mujoco.MjData], Any]:
         for i, angle, rate in places:
             angles[i], rates[i] = values[angle], values[rate]
         attitude, turning = values[columns["attitude"]], values[columns["angular_velocity"]]
-        gyro = eq.seen_from_frame(tuple(turning), eq.unit_space_axes(tuple(attitude)))
+        gyro = eq.seen_from_frame(tuple(turning), unit_space_axes(tuple(attitude)))
         point, *axes = map(np.array, (values[columns["centre"]][:2], gyro, attitude))
         return TrueReading(axes[0], axes[1], angles, rates, point)
 

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from robotball.engines.mujoco import LABEL
 from robotball.engines.observe import Readings, Recording
@@ -163,7 +162,7 @@ class UserModel:
 
 def turned(spins: Array, times: Array) -> Array:
     """Return the angles (n,) [rad] turned since the first time with spins (n,) [rad/s]."""
-    return np.asarray(cumulative_trapezoid(spins, times, initial=0))
+    return np.append(0.0, np.cumsum(np.diff(times) * (spins[1:] + spins[:-1]) / 2))
 
 
 def _sound(data: mujoco.MjData) -> bool:

@@ -19,7 +19,8 @@ from functools import cache
 from typing import Any
 
 from robotball.robot import formulas as eq
-from robotball.robot.formulas import Parameters, Quaternion, Rolling, Scalar, Vector
+from robotball.robot.formulas import Parameters, Rolling, Scalar, Vector
+from robotball.rotations import Quaternion, unit_space_axes
 from robotball.theory.compiled import compiled_from, inlined, text_of
 from robotball.theory.ensembles import flatten
 from robotball.theory.ensembles.flatten import LANES, Tape, along, lane_function, least, slopes
@@ -101,7 +102,7 @@ def _turning(
 ) -> tuple[Quaternion, Vector, Vector, Vector, Vector]:
     """Return q, α, β, γ and ω of a state that starts with q."""
     w, x, y, z = state[:4]
-    alpha, beta, gamma = eq.unit_space_axes((w, x, y, z))
+    alpha, beta, gamma = unit_space_axes((w, x, y, z))
     omega = parameters.angular_velocity(level.momentum(alpha, gamma), gamma)
     return (w, x, y, z), alpha, beta, gamma, omega
 

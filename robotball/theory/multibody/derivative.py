@@ -20,6 +20,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from robotball import rotations
 from robotball.robot import formulas as eq
 from robotball.robot import mechanics
 from robotball.robot.formulas import Vector
@@ -387,7 +388,7 @@ _SIGNATURE = types.void(
 )  # fmt: skip
 
 
-@compiled_from(text_of(eq.__file__, mechanics.__file__, __file__), _SIGNATURE)
+@compiled_from(text_of(rotations.__file__, eq.__file__, mechanics.__file__, __file__), _SIGNATURE)
 def differentiate_stages(
     machines: Machine, modes: Modes, inputs: Inputs, length: float, weights: Any, base: Any,
     begin: Any, slopes: Any, ends: Any, readings: Any, work: Work,

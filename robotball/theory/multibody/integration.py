@@ -1,12 +1,11 @@
 """Integrate the motion of any rolling robot to round-off, with an estimate of its error."""
 
 from collections.abc import Sequence
-from importlib.metadata import version
 
 import numpy as np
 
 from robotball.errors import EarlyEndError, InputError, warn
-from robotball.motion import Label, Motion, Progress, ReferenceMotion, extended
+from robotball.motion import Motion, Progress, ReferenceMotion, extended
 from robotball.robot.drives import turns
 from robotball.robot.loads import Loads
 from robotball.robot.loop import Loop
@@ -14,6 +13,7 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.theory.friction import slip_intervals
+from robotball.theory.multibody import LABEL
 from robotball.theory.multibody.derivative import (
     HINGES,
     LOSS,
@@ -24,8 +24,6 @@ from robotball.theory.multibody.derivative import (
 )
 from robotball.theory.multibody.march import March
 from robotball.theory.multibody.system import System
-
-LABEL = Label("multibody equations", version("robotball"), "#D55E00", "P")  # vermillion
 
 _MAX_STEPS = 1_000_000  # ten minutes, if motors settle so fast that they limit the step
 _MANY_STEPS = 100_000  # a minute

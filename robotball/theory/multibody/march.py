@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from scipy.optimize import brentq
 
 from robotball.motion import Progress
 from robotball.robot.loop import Loop, TrueReading
@@ -172,6 +171,8 @@ class March:
                 begin, end = float(looks[i - 1]), float(looks[i])
                 # The margin of a mode that has just begun is 0 up to rounding, with either sign.
                 if margin(begin, index) > 0:
+                    from scipy.optimize import brentq  # late: many motions have no event
+
                     begin = brentq(margin, begin, end, args=(index,), xtol=_ROOT, rtol=4 * _ROOT)
                 events.append((begin, index))
                 break

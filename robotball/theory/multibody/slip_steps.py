@@ -8,7 +8,6 @@ the directions until the shell slips along them, which also works where slip beg
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.special import roots_jacobi
 
 from robotball.rotations import Array
 from robotball.theory.multibody.system import System
@@ -29,7 +28,8 @@ def _integrals(parts: Array) -> Array:
     return np.column_stack([parts, (P[:, 2:] - P[:, :-2]) / np.arange(6, 4 * _COUNT, 4)])
 
 
-_NODES = np.append((1 + roots_jacobi(_COUNT - 1, 1.0, 0.0)[0]) / 2, 1.0)
+# The roots of Legendre's P_6 - P_7, the last of which is 1.
+_NODES = (1 + legendre.legroots([*np.zeros(_COUNT - 1), 1.0, -1.0])) / 2
 # From slopes at the nodes to coefficients of Legendre's polynomials, and to the states there.
 _SERIES = np.linalg.inv(legendre.legvander(2 * _NODES - 1, _COUNT - 1))
 _WEIGHTS = _integrals(_NODES) @ _SERIES

@@ -121,15 +121,13 @@ def _put(made: Path, shown: Path) -> None:
 
 
 def _write_frame(path: Path) -> None:
-    import mediapy
-
     comparisons = [
         compare("fig12", sample_times(_FILMED), settings=name) for name in ("naive", "balanced")
     ]
     film = Film(ghost=True, note=note_of(comparisons))
     later = islice(frames(motions_of(comparisons, "film"), film), round(_SHOWN * film.fps), None)
     with replacing(path) as temporary:
-        mediapy.write_image(temporary, next(later), fmt="png")
+        Image.fromarray(next(later)).save(temporary, format="PNG")
 
 
 def numbers_of_cost(record: Mapping[str, Any]) -> dict[str, Any]:

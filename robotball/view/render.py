@@ -16,7 +16,6 @@ from typing import Any, Literal
 import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
-from scipy.ndimage import gaussian_filter1d
 
 from robotball.errors import InputError, check_positive
 from robotball.files import as_path
@@ -27,7 +26,7 @@ from robotball.robot import looks as palette
 from robotball.robot.looks import GHOST, MARKS, Looks, looks_of
 from robotball.rotations import Array
 from robotball.view import gl
-from robotball.view.stage import LENS, Camera, Pixels, Projection, Stage
+from robotball.view.stage import LENS, Camera, Pixels, Projection, Stage, smoothed
 from robotball.view.tracks import (
     Moments,
     colours_of,
@@ -399,7 +398,7 @@ def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
         (across + room) / max(1.0, aspect), (deep * np.sin(up) + room) / max(1.0, 1 / aspect)
     )
     states = np.column_stack([(low + high) / 2 @ axes, far])
-    states = gaussian_filter1d(states, _SMOOTH * film.fps, axis=0, mode="nearest")
+    states = smoothed(states, _SMOOTH * film.fps, "edge")
     return [Camera(np.array([x, y, 0.85]), away, azimuth, up) for x, y, away in states.tolist()]
 
 

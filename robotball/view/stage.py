@@ -16,14 +16,14 @@ Lengths are in radii of the ball.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 from xml.etree import ElementTree
 from xml.etree.ElementTree import SubElement
 
 import mujoco
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from robotball.robot import looks as palette
 from robotball.robot.ball import PARTS
@@ -93,6 +93,18 @@ def pose(
     data.mocap_quat[:] = from_matrix(np.array([turn[0] for turn, _ in bodies]))
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
+
+
+def smoothed(values: Array, deviation: float, beyond: Literal["constant", "edge"]) -> Array:
+    """Return the means of values (n, ...) along their first axis with the weights of a Gaussian.
+
+    deviation: the standard deviation in rows; beyond: the values outside are 0, or those of the
+    ends.
+    """
+    reach = int(4 * deviation + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
+    padded = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], beyond)
+    return sliding_window_view(padded, len(weights), axis=0) @ (weights / weights.sum())
 
 
 @dataclass(frozen=True)
@@ -297,7 +309,9 @@ class Stage:
                 geom.rgba[3] = 0.0  # the floor is not part of the ball
         # A texture's rows run upwards, a picture's downwards.
         opacity = self._render(self._shading, (_TEXELS, _TEXELS), fog=False)[::-1, :, 0] / 255
-        dark = _SHADE * np.sqrt(gaussian_filter(opacity, _PENUMBRA, mode="constant"))
+        for _ in range(2):  # along the columns, then along the rows
+            opacity = smoothed(opacity, _PENUMBRA, "constant").T
+        dark = _SHADE * np.sqrt(opacity)
         texture = self._model.tex(f"shadow{i}")
         texels = self._model.tex_data[texture.adr[0] :][: 4 * _TEXELS**2]
         texels[3::4] = np.round(255 * _once(dark)).ravel()

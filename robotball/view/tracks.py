@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from robotball.robot.mechanics import Robot
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, rotation_matrix, turn_between, turned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,9 +27,6 @@ PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
     **dict.fromkeys(("ideal", "contact", "kept"), _SPARE[1]),
     **dict.fromkeys(("discrete", "RK4"), _SPARE[2]),
 }
-# Samples used on each side of the requested ones: the influence of a farther sample on a cubic
-# spline is below 1e-9.
-_MARGIN = 16
 
 
 class LineStyle(NamedTuple):
@@ -126,7 +123,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class Track:
-    """A motion that can be interpolated: attitude by slerp, the rest with cubic splines.
+    """A motion that can be interpolated: attitude by slerp, the rest by cubics of four samples.
 
     names: of the robot's bodies. After its last sample the motion is at rest.
     """
@@ -143,19 +140,22 @@ class Track:
 
     def at(self, times: Array) -> Moments:
         """Return the motion at ascending times (m,) [s]."""
-        from scipy.interpolate import CubicSpline  # late: styles are needed without it
-        from scipy.spatial.transform import Rotation, Slerp
-
-        inside = np.minimum(times, self.times[-1])
-        first, last = np.searchsorted(self.times, inside[[0, -1]])
-        samples = slice(max(first - _MARGIN, 0), last + _MARGIN + 1)
-        known, here = self.times[samples], vars(self.sampled[samples]).copy()
-        # Splines of quaternion components would leave the unit sphere.
-        attitude = Rotation.from_quat(here.pop("attitude"), scalar_first=True)
-        return Moments(
-            attitude=Slerp(known, attitude)(inside).as_quat(scalar_first=True),
-            **{name: np.asarray(CubicSpline(known, row)(inside)) for name, row in here.items()},
-        )
+        inside, last = np.minimum(times, self.times[-1]), len(self.times) - 1
+        count = min(4, last + 1)  # of the samples around each time
+        after = np.clip(np.searchsorted(self.times, inside), 1, last)
+        rows = np.clip(after - count // 2, 0, last + 1 - count)[:, None] + np.arange(count)
+        # Lagrange's polynomials: 1 at one sample and 0 at the others.
+        gaps = self.times[rows][:, :, None] - self.times[rows][:, None] + np.eye(count)
+        away = (inside[:, None] - self.times[rows])[:, None] * (1 - np.eye(count)) + np.eye(count)
+        weights = (away / gaps).prod(axis=2)
+        columns = {
+            name: np.einsum("mc,mcn->mn", weights, column[rows])
+            for name, column in vars(self.sampled).items()
+        }
+        begin, end = self.sampled.attitude[after - 1], self.sampled.attitude[after]
+        part = (inside - self.times[after - 1]) / (self.times[after] - self.times[after - 1])
+        columns["attitude"] = turned(begin, part[:, None] * turn_between(begin, end))
+        return Moments(**columns)
 
     def sampled_at(self, times: Array) -> "Track":
         """Return the track resampled at ascending times (m,) [s]."""

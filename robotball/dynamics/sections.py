@@ -30,7 +30,7 @@ from robotball.robot import formulas as eq
 from robotball.robot.ball import Rotor, Value
 from robotball.robot.drives import Constant, Drive, Sine, Total
 from robotball.robot.formulas import Parameters
-from robotball.robot.scene import Scene, Start, along_momentum, section_state
+from robotball.robot.scene import Scene, Start, aligned, section_state
 from robotball.rotations import Array, Mask, conjugate, multiply, rotation_matrix, unit_space_axes
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.theory.ensembles.crossings import TRACK, cross
@@ -267,11 +267,7 @@ def section_starts(
 
     Raises InputError unless f > 0, L² < f and c² < f.
     """
-    starts = [
-        along_momentum(*section_state(float(L_), float(l_), g, f, c))
-        for L_, l_ in zip(np.ravel(L), np.ravel(l), strict=True)
-    ]
-    return np.array([s.attitude for s in starts]), np.array([s.momentum for s in starts])
+    return aligned(*section_state(np.ravel(L), np.ravel(l), g, f, c))
 
 
 def period_of(scene: Scene) -> float:

@@ -198,55 +198,67 @@ class Start(UserValue):
         return rotation_matrix(self.attitude)
 
 
-def section_state(L: float, l: float, g: float, f: float, c: float = 0.0) -> tuple[Array, Array]:
-    """Return γ (3,) and M (3,), in principal axes, at section coordinates (5.5).
+def section_state(
+    L: ArrayLike, l: ArrayLike, g: float, f: float, c: float = 0.0
+) -> tuple[Array, Array]:
+    """Return γ (..., 3) and M (..., 3), in principal axes, at section coordinates (5.5).
 
-    L [kg m²/s] and l [rad] give the direction of M, and f [(kg m²/s)²] its square; g [rad] rotates
-    γ about M; c = (M, γ) [kg m²/s]. Raises InputError unless f > 0, L² <= f and c² < f.
+    L (...) [kg m²/s] and l (...) [rad] give the direction of M, and f [(kg m²/s)²] its square; g
+    [rad] rotates γ about M; c = (M, γ) [kg m²/s]. Raises InputError unless f > 0, L² <= f and
+    c² < f.
     """
     if not f > 0:
         raise InputError(f"f = M² must be positive, not {f:g}")
     G = np.sqrt(f)
-    if not abs(L) <= G:
-        raise InputError(f"|L| = {abs(L):g} must not exceed sqrt(f) = {G:g}")
+    L, l = np.broadcast_arrays(L, l)
+    if not np.all(np.abs(L) <= G):
+        raise InputError(f"|L| = {np.abs(L).max():g} must not exceed sqrt(f) = {G:g}")
     if not abs(c) < G:
         raise InputError(f"|c| = {abs(c):g} must be smaller than sqrt(f) = {G:g}")
     across = np.sqrt(1 - (L / G) ** 2)
-    M = G * np.array([across * np.sin(l), across * np.cos(l), L / G])
-    node = np.array([np.cos(l), -np.sin(l), 0.0])
-    level = np.array([L / G * np.sin(l), L / G * np.cos(l), -across])
+    M = G * np.stack([across * np.sin(l), across * np.cos(l), L / G], axis=-1)
+    node = np.stack([np.cos(l), -np.sin(l), np.zeros(l.shape)], axis=-1)
+    level = np.stack([L / G * np.sin(l), L / G * np.cos(l), -across], axis=-1)
     gamma = np.sin(g) * node + np.cos(g) * level
     return c / f * M + np.sqrt(1 - c * c / f) * gamma, M
 
 
 def along_momentum(gamma: Array, M: Array) -> Start:
-    """Return the start in the world axes of section 3.3: OX is opposite to horizontal M.
+    """Return the start of one ball, as in `aligned`."""
+    return Start(*aligned(gamma, M))
 
-    α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²), with gamma (3,) a unit vector and M (3,), both in
-    frame axes. Raises InputError if M is vertical or zero, because α and β must then be given.
+
+def aligned(gamma: Array, M: Array) -> tuple[Array, Array]:
+    """Return attitudes (..., 4) and M (..., 3) in the world axes of section 3.3.
+
+    OX is opposite to the horizontal part of M: α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²), with
+    unit vectors gamma (..., 3) and M (..., 3), both in frame axes. Raises InputError if an M is
+    vertical or zero, because α and β must then be given.
     """
-    c = M @ gamma
-    horizontal = M - c * gamma
-    size = np.linalg.norm(horizontal)
+    c = (M * gamma).sum(axis=-1, keepdims=True)
+    level = M - c * gamma
+    size = np.linalg.norm(level, axis=-1, keepdims=True)
     # The rounding error of a vertical M has no meaningful direction.
-    if not size > 1e-12 * np.linalg.norm(M):
+    if not np.all(size > 1e-12 * np.linalg.norm(M, axis=-1, keepdims=True)):
         line = "M has no horizontal part to align OX with; give alpha or a quaternion too"
         raise InputError(line)
-    return Start(attitude_of_axes(gamma, -horizontal / size), np.array([-size, 0.0, c]))
+    momenta = np.concatenate([-size, np.zeros(size.shape), c], axis=-1)
+    return attitude_of_axes(gamma, -level / size), momenta
 
 
 def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
-    """Return the quaternion (4,) of γ (3,) and α (3,), world Z and X as unit vectors in frame axes.
+    """Return the quaternions (..., 4) of γ and α (..., 3), world Z and X as unit vectors.
 
-    Raises InputError unless they are orthogonal.
+    γ and α are in frame axes. Raises InputError unless they are orthogonal.
     """
-    cosine = float(gamma @ alpha)
-    if not abs(cosine) <= _CAPTION:
-        raise InputError(f"gamma and alpha are not orthogonal: (gamma, alpha) = {cosine:.6g}")
+    cosine = (gamma * alpha).sum(axis=-1, keepdims=True)
+    if not np.all(np.abs(cosine) <= _CAPTION):
+        worst = cosine.flat[np.abs(cosine).argmax()]
+        raise InputError(f"gamma and alpha are not orthogonal: (gamma, alpha) = {worst:.6g}")
     # Orthogonal to rounding. γ is kept because the dynamics depend on it; α is only the heading.
     alpha = alpha - cosine * gamma
-    alpha = alpha / np.linalg.norm(alpha)
-    return from_matrix(np.stack([alpha, np.cross(gamma, alpha), gamma]))
+    alpha = alpha / np.linalg.norm(alpha, axis=-1, keepdims=True)
+    return from_matrix(np.stack([alpha, np.cross(gamma, alpha), gamma], axis=-2))
 
 
 def unit(name: str, v: Array) -> Array:

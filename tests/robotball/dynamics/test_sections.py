@@ -125,6 +125,18 @@ def test_unstable_periodic_orbits_in_the_chaos_are_closed() -> None:
         close(CHAOTIC, attitudes[0], momenta[0], 0.1)
 
 
+def test_many_section_starts_are_those_of_each_point() -> None:
+    """To the last bit, with g and c; one impossible point is refused with its L."""
+    L, l = np.linspace(-4.0, 4.0, 7), np.linspace(0.0, 6.0, 7)
+    attitudes, momenta = section_starts(L, l, F, 0.3, 1.0)
+    for i in range(len(L)):
+        start = along_momentum(*section_state(L[i], l[i], 0.3, F, 1.0))
+        np.testing.assert_array_equal(attitudes[i], start.attitude)
+        np.testing.assert_array_equal(momenta[i], start.momentum)
+    with pytest.raises(InputError, match=naming("|L|~=~5.1 sqrt(f)~=~5")):
+        section_starts([1.0, -5.1], [0.0, 0.0], F)
+
+
 # Invariant curves -----------------------------------------------------------------------------
 
 

@@ -7,7 +7,7 @@ the rank of the state's freedom. The last unknown is ln T: the period T is the d
 doubled at each period doubling.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import cycle, product
@@ -20,7 +20,6 @@ from robotball.dynamics.equilibria import attitude_at
 from robotball.dynamics.motion_branches import Range, momentum_across, sought
 from robotball.dynamics.sections import own_start, period_of, strobed
 from robotball.errors import InputError, unknown
-from robotball.motion import Motion
 from robotball.robot.drives import Constant, Drive, Sine, Total
 from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, tangents
@@ -146,20 +145,6 @@ class Driven(Range):
         M = np.einsum("...i,...ij->...j", momentum, axes) / self.scene.momentum_scale
         vectors = [axes[..., 2, :], M, axes[..., 0, :]]
         return np.concatenate(vectors if self._headed else vectors[:2], axis=-1)
-
-    def return_error(self, x: Array, engine: Callable[[Scene, Array], Motion]) -> float:
-        """Return the largest change of a `vector` component over a period of an engine's motion.
-
-        x (n + 2,): a point of a branch; engine: returns a scene's motion at times (m,) [s].
-        """
-        scene = self.at(x[-1])[0]
-        attitude, M = self.state(x[:-2], scene)
-        motion = engine(
-            replace(scene, start=own_start(scene, attitude, M)), np.array([0.0, np.exp(x[-2])])
-        )
-        end = multiply(motion.attitude[-1], scene.principal_quaternion)
-        moved = self.vector(end, motion.momentum[-1]) - self.vector(attitude, M)
-        return float(np.abs(moved).max())
 
     def problem(
         self, errors: tuple[float, float] = _CLOSED, watch: co.Watch = co.SILENT

@@ -4,9 +4,10 @@ import difflib
 from collections.abc import Iterator, Sequence
 from html import escape as html_escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.markup import escape
 
 from robotball.engines.mujoco import LABEL
@@ -23,9 +24,6 @@ from ..study import Column, Study, table_of
 from .ablate import Checked
 from .observe import Observation, distances, resistance_per_deceleration, unusual_numbers
 from .propose import collisions, is_shock, needed_friction, slip_causes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLUMNS = (
     Column("change", "change", words=True),
@@ -214,7 +212,7 @@ def difference(checked: Checked) -> list[str]:
     return [*lines][:_MOST_LINES]
 
 
-def _picture(checked: Checked) -> "Figure":
+def _picture(checked: Checked) -> Figure:
     """Draw the paths, and the path errors over time, of the file and the mended file."""
     seen, theory = checked.observation, checked.observation.theory
     colour, dashes, _ = PRESET_LOOKS["mended"]

@@ -11,6 +11,7 @@ from robotball.robot.scene import Friction, Scene
 from .output import known
 
 _SHOWN = 3  # intervals of slip in a text
+_STEPS = 2000  # 1/s, most steps of another motion; fig12 takes 180
 
 
 @dataclass(frozen=True)
@@ -96,9 +97,10 @@ def slip_of(theory: Motion, motion: ContactMotion, engine: Engine | None) -> Sli
 
 
 def _integrated(scene: Scene, like: Motion) -> ReferenceMotion | None:
-    """Return a scene's motion at the times of another one; None if there is no such motion."""
+    """Return a scene's motion at the times of another; None if it fails or has too many steps."""
     try:
-        return integrate(scene, like.times)
+        most = int(_STEPS * max(1.0, like.times[-1]))
+        return integrate(scene, like.times, max_steps=most)
     except InputError:
         return None
 

@@ -82,9 +82,9 @@ def test_a_run_that_ends_early_keeps_its_first_pieces(monkeypatch: pytest.Monkey
 def test_a_long_motion_needs_little_more_memory_than_its_result(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """50 000 samples of 184 bytes: 301 bytes each to compute, 14 and 22 to compare.
+    """50 000 samples of 184 bytes: 301 bytes each to compute, 37 and 22 to compare.
 
-    Without pieces it was 552, 80 and 96; the rest is one piece of 8192 samples.
+    The comparison holds one piece of 8192 samples, with the nine entries of its matrices.
     """
     count = 50_000
     monkeypatch.setattr(robotball.motion, "_PIECE", 8192)
@@ -103,5 +103,5 @@ def test_a_long_motion_needs_little_more_memory_than_its_result(
     motion = motion_of(FIG12, times, states)
     assert sum(array.nbytes for array in arrays(motion).values()) == 184 * count
     assert peak_of(lambda: motion_of(FIG12, times, states)) < 350 * count
-    assert peak_of(lambda: gamma_error(motion, motion)) < 20 * count
+    assert peak_of(lambda: gamma_error(motion, motion)) < 40 * count
     assert peak_of(lambda: attitude_error(motion, motion)) < 30 * count

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import minimize_scalar
+from scipy.optimize import least_squares, minimize_scalar
 
 from robotball import InputError, Motion, Scene, Trajectory, integrate
 from robotball.engines.recorded import angular_velocity, sampled_rates
@@ -32,6 +32,7 @@ from robotball.rotations import (
     from_matrix,
     multiply,
     rotation_matrix,
+    turn_between,
 )
 
 _FLOOR = 1e-6  # relative, rad; smaller errors count as this one
@@ -51,6 +52,11 @@ _SPOILS = np.log(3.0)  # largest factor by which a mistake may increase another 
 _AS_GOOD = np.log(1.5)  # mistakes within this factor explain the errors equally well
 _SOUND = 1e-3  # relative, rad; below such errors of path and attitude no other scene is tried
 _CLEAR = np.log(1e-2), 0.1  # typical and largest error below which a convention explains all
+# Slip below this part of the speed is ignored. A limit of friction is guessed where the slip is at
+# least this part of the largest one.
+_SLIPS, _FAST = 0.05, 0.3
+_PARTS, _MOST_TRIALS = (0.15, 0.4, 1.0), 20  # parts of a file, fitted in turn; trials in each
+_HELPS = 0.5  # largest remaining error of a part that slips
 _MOST_MISTAKES = 4  # mistakes searched for in one file
 _TRIED = 1e-9  # rtol of a mistaken scene's motion, far below the errors that matter
 _SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
@@ -425,6 +431,69 @@ def _level(scene: Scene, M: Array) -> Array:
     return M * [1.0, 1.0, 0.0] if scene.rolling == "rubber" else M
 
 
+def _slipping_scene(scene: Scene, file: Trajectory, truth: _Truth) -> Scene | None:
+    """Return the scene with the limits of friction and the slip of its start that fit a file best.
+
+    None if the file does not slip, or if they do not explain its errors.
+    """
+    a, times, points = scene.ball.radius, file.times, file.position[:, :2]
+    omega = (file if file.angular_velocity is not None else _with_own_rate(file)).angular_velocity
+    shell = np.asarray(omega) - np.outer(truth.motion.hinge_rates[:, 0], scene.ball.shell.axis)
+    velocity, turning = sampled_rates(times, points)[0], _rotated(shell, file.attitude)
+    slip = scene.slip_of(times, points, velocity, turning)
+    least = _SLIPS * float(np.linalg.norm(np.hypot(velocity, a * turning[:, :2]), axis=1).max())
+    slides = "sliding", slice(0, 2), 1.0, sampled_rates(times, velocity)[0]
+    arm = float(np.trace(scene.ball.inertia)) / 3 / scene.ball.mass  # m²
+    spins = "torsional", slice(2, 3), a, arm * sampled_rates(times, turning[:, 2:])[0]
+    guesses, begin = dict[str, float](), np.zeros(3)
+    for kind, part, unit, braking in (slides, spins)[: 2 if scene.rolling == "rubber" else 1]:
+        size = unit * np.linalg.norm(slip[:, part], axis=1)
+        if size.max() > least:
+            strong = np.linalg.norm(braking[size > _FAST * size.max()], axis=1)
+            guesses[kind] = float(np.median(strong)) / scene.gravity
+            begin[part] = slip[0, part] * (size[0] > least)
+
+    def scene_at(x: Array) -> Scene:
+        limits = dict(zip(guesses, np.exp(x[: len(guesses)]).tolist(), strict=True))
+        slip = np.zeros(3)
+        slip[free] = x[len(guesses) :]
+        friction, start = replace(scene.friction, **limits), replace(scene.start, slip=slip)
+        return replace(scene, friction=friction, start=start)
+
+    def off(x: Array, rows: int) -> Array:
+        try:
+            motion = reference_of(scene_at(x), times[:rows], rtol=_TRIED)
+        except InputError:  # the ball lifts off
+            return np.ones(5 * rows)
+        return apart(motion, rows)
+
+    def apart(motion: Motion, rows: int) -> Array:
+        path = (points[:rows] - motion.contact_point[-rows:]) / truth.path_scale
+        turns = turn_between(motion.attitude[-rows:], file.attitude[:rows])
+        return np.concatenate([path, turns], axis=1).ravel()
+
+    free, plain = np.flatnonzero(begin), apart(truth.motion, len(times))
+    x = np.array([*np.log([*guesses.values()]), *begin[free]])
+    step = 1e-4 * np.ones(len(x))  # for differences, of motions with an error of _TRIED
+    for duration in _PARTS if guesses else ():
+        rows = max(round(duration * len(times)), 2)
+        x = least_squares(off, x, args=(rows,), diff_step=step, max_nfev=_MOST_TRIALS).x
+        left, before = np.linalg.norm(off(x, rows)), np.linalg.norm(plain[: 5 * rows])
+        if left > max(_HELPS * before, _SOUND * rows**0.5):
+            return None
+    return scene_at(x) if guesses else None
+
+
+def _slip_name(scene: Scene) -> str:
+    """Return the friction and the start of a scene that slips, in the keys of a scene file."""
+    friction, (x, y, spin) = scene.friction, scene.start.slip.tolist()
+    limits = {"sliding": friction.sliding, "torsional": friction.torsional}
+    keys = [f"friction.{key} = {limit:.4g}" for key, limit in limits.items() if limit is not None]
+    keys += [f"start.slip = [{x:.3g}, {y:.3g}]"] * bool(x or y)
+    keys += [f"start.spin = {spin:.3g}"] * bool(spin)
+    return f"the ball slips: {', '.join(keys)}"
+
+
 # Search ------------------------------------------------------------------------------------
 
 
@@ -579,7 +648,7 @@ class Search:
             wrong = max(before.path, before.attitude) > _SOUND
             if wrong and not {_SCENE, _TIME} & families and not (best and _is_clear(best[0])):
                 candidates += [replace(other, file=now.file) for other in self._scenes]
-                candidates += self._stretched()
+                candidates += [*self._stretched(), *self._slipping()]
                 best = _best(candidates, now)
             if _RATE not in families and (before.rate or 0.0) > _ASTRAY:
                 # Otherwise limited rates would be called by the nearest convention.
@@ -650,6 +719,14 @@ class Search:
             gain = self._accepted[-1].typical - candidate.typical
             if file.angular_velocity is None or gain[2] >= _LESSENS:
                 yield candidate
+
+    def _slipping(self) -> Iterator[_Candidate]:
+        """Yield the scene with the limits of friction and the slip of its start that fit best."""
+        now = self._accepted[-1]
+        if found := _slipping_scene(now.scene, now.file, now.truth):
+            with contextlib.suppress(InputError):
+                truth = self._truth(reference_of(found, now.file.times, rtol=_TRIED), 1)
+                yield _Candidate(_SCENE, _slip_name(found), 1, now.file, truth, found)
 
     def _rate_of_attitude(self) -> _Candidate:
         rate = _with_own_rate(self._corrected()).angular_velocity

@@ -98,6 +98,14 @@ def robot(
     return turning(scene, np.array(omega, dtype=float))
 
 
+def with_frame(scene: Scene) -> Scene:
+    """Return the scene of a homogeneous shell, half of which is a frame that does not turn."""
+    shell = scene.ball.shell
+    mass, inertia = shell.mass / 2, shell.axial_inertia / 2
+    half = replace(shell, mass=mass, axial_inertia=inertia, transverse_inertia=inertia)
+    return replace(scene, ball=Ball(half, (Hinge(Frame(mass, inertia * np.eye(3)), 0.0),)))
+
+
 def turning(scene: Scene, omega: Array) -> Scene:
     """Return the scene with the frame's initial ω (3,), without spin for a rubber shell."""
     if scene.rolling == "rubber":

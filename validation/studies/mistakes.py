@@ -55,8 +55,9 @@ _CLEAR = np.log(1e-2), 0.1  # typical and largest error below which a convention
 # Slip below this part of the speed is ignored. A limit of friction is guessed where the slip is at
 # least this part of the largest one.
 _SLIPS, _FAST = 0.05, 0.3
-_PARTS, _MOST_TRIALS = (0.15, 0.4, 1.0), 20  # parts of a file, fitted in turn; trials in each
-_HELPS = 0.5  # largest remaining error of a part that slips
+_PARTS, _MOST_TRIALS = (0.15, 0.4, 1.0), 10  # parts of a file, fitted in turn; trials in each
+_LARGEST = 5.0  # of the sliding friction; if a file needs more, its units or axes are wrong
+_AROUND, _MOST_STEPS = np.log(5.0), 1000  # largest change of a limit; steps of a motion per second
 _MOST_MISTAKES = 4  # mistakes searched for in one file
 _TRIED = 1e-9  # rtol of a mistaken scene's motion, far below the errors that matter
 _SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
@@ -462,8 +463,9 @@ def _slipping_scene(scene: Scene, file: Trajectory, truth: _Truth) -> Scene | No
 
     def off(x: Array, rows: int) -> Array:
         try:
-            motion = reference_of(scene_at(x), times[:rows], rtol=_TRIED)
-        except InputError:  # the ball lifts off
+            most = int(_MOST_STEPS * (1 + times[rows - 1]))
+            motion = reference_of(scene_at(x), times[:rows], rtol=_TRIED, max_steps=most)
+        except InputError:  # the ball lifts off, or sticks and slips very often
             return np.ones(5 * rows)
         return apart(motion, rows)
 
@@ -475,13 +477,17 @@ def _slipping_scene(scene: Scene, file: Trajectory, truth: _Truth) -> Scene | No
     free, plain = np.flatnonzero(begin), apart(truth.motion, len(times))
     x = np.array([*np.log([*guesses.values()]), *begin[free]])
     step = 1e-4 * np.ones(len(x))  # for differences, of motions with an error of _TRIED
-    for duration in _PARTS if guesses else ():
+    far = np.where(np.arange(len(x)) < len(guesses), _AROUND, np.inf)
+    options: dict[str, Any] = {"bounds": (x - far, x + far), "diff_step": step}
+    if not guesses or guesses.get("sliding", 0.0) > _LARGEST:
+        return None
+    for duration in _PARTS:
         rows = max(round(duration * len(times)), 2)
-        x = least_squares(off, x, args=(rows,), diff_step=step, max_nfev=_MOST_TRIALS).x
         left, before = np.linalg.norm(off(x, rows)), np.linalg.norm(plain[: 5 * rows])
-        if left > max(_HELPS * before, _SOUND * rows**0.5):
+        if left > max(before, _SOUND * rows**0.5):
             return None
-    return scene_at(x) if guesses else None
+        x = least_squares(off, x, args=(rows,), max_nfev=_MOST_TRIALS, **options).x
+    return scene_at(x)
 
 
 def _slip_name(scene: Scene) -> str:

@@ -80,6 +80,53 @@ def test_a_coarse_integration_meets_the_end_of_a_slip(rtol: float) -> None:
     assert end == pytest.approx(4 / (7 * G), abs=1e-9)
 
 
+def regular(mu: float) -> rb.Scene:
+    return replace(rb.load_scene("classical_regular"), friction=Friction(mu))
+
+
+@pytest.mark.parametrize(
+    ("scene", "end"),
+    [
+        (sphere((3.0, 1.0), (0.0, 5.0, 0.0), Friction(0.3)), 0.5),
+        (sphere((2.0, 0.0), (10.0, 5.0, 20.0), Friction(0.3, 0.02), "rubber"), 0.6),
+        (regular(0.6), 1.0),
+    ],
+    ids=["sphere", "rubber", "robot"],
+)
+def test_motions_integrated_together_have_the_derivative_by_friction(
+    scene: rb.Scene, end: float
+) -> None:
+    """Measured 5e-5 of the largest derivative, which is rounding.
+
+    Quotients of separate motions are off by 1e-7. The friction of the first motion in all of them
+    made the derivative 0.
+    """
+    times = np.linspace(0.0, end, 21)
+
+    def varied(kind: str, change: float) -> rb.Scene:
+        limits = replace(scene.friction, **{kind: (1 + change) * getattr(scene.friction, kind)})
+        return replace(scene, friction=limits)
+
+    kinds = [kind for kind in ("sliding", "torsional") if getattr(scene.friction, kind)]
+    small, step = 1e-9, 1e-5
+    first, *others = integrate_together([scene, *(varied(k, small) for k in kinds)], times, 1e-7)
+    for kind, other in zip(kinds, others, strict=True):
+        plus, minus = (rb.integrate(varied(kind, sign * step), times) for sign in (1, -1))
+        for array in ("contact_point", "angular_velocity"):
+            slope = (getattr(other, array) - getattr(first, array)) / small
+            quotient = (getattr(plus, array) - getattr(minus, array)) / (2 * step)
+            largest = np.abs(quotient).max()
+            assert np.abs(slope - quotient).max() < 5e-4 * largest
+            assert largest > 1e-3
+
+
+def test_motions_whose_slip_turns_are_not_integrated_together() -> None:
+    """The forces of neighbours jump at other times, which would make derivatives wrong by 18 %."""
+    scene = replace(rb.load_scene("fig12"), friction=Friction(1.0, 0.5))
+    with pytest.raises(rb.InputError, match=naming("slip turns 1.09926")):
+        integrate_together([scene, scene], np.linspace(0.0, 1.2, 13), 1e-7)
+
+
 def test_a_spinning_sphere_stops_under_torsional_friction() -> None:
     """At t = (2/5) a² ω/(μ_t g); measured 2e-16 s, which is rounding."""
     scene = sphere((0.0, 0.0), (0.0, 0.0, 5.0), Friction(None, 0.005), "rubber")
@@ -101,10 +148,6 @@ def test_a_sphere_on_a_slope_slides_if_friction_is_below_two_sevenths_of_its_tan
     acceleration = G * (0.5 - mu * np.sqrt(0.75)) if slides else G * 0.5 / 1.4
     assert motion.contact_point[-1, 0] == pytest.approx(acceleration / 2, abs=1e-14)
     assert (motion.slip is not None) == slides
-
-
-def regular(mu: float) -> rb.Scene:
-    return replace(rb.load_scene("classical_regular"), friction=Friction(mu))
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import robotball as rb
 from robotball.motion import attitude_error, path_error
 from robotball.robot.drives import Constant, Rate, as_drive
 from robotball.robot.formulas import Rolling
+from robotball.robot.scene import Friction
 from robotball.robot.variations import scaled_rate
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 from tests.conftest import Robotball
@@ -20,6 +21,8 @@ from tests.euler_engine import euler
 from tests.messages import naming, unnamed, untold
 from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot_scene
+from tests.robotball.theory.test_friction import regular, sphere
+from tests.robots import with_frame
 from validation import judge
 from validation.studies import mistakes
 from validation.studies.judge import FileJudgement, lines
@@ -327,6 +330,34 @@ def test_a_contact_engines_file_has_no_mistake(name: str, preset: str, tmp_path:
     verdict = judged(scene, tmp_path / "run.csv")
     assert verdict.mistakes == ()
     assert verdict.agrees == (preset != "naive")
+
+
+@pytest.mark.parametrize(
+    ("truth", "facts"),
+    [
+        (
+            with_frame(sphere((2.0, 0.5), (5.0, -10.0, 3.0), Friction(0.3))),
+            "friction.sliding~=~0.3 start.slip~=~[3,~1]",
+        ),
+        (regular(0.3), "friction.sliding~=~0.3"),
+        pytest.param(
+            with_frame(sphere((2.0, 0.0), (10.0, 5.0, 20.0), Friction(0.3, 0.02), "rubber")),
+            "friction.sliding~=~0.3 friction.torsional~=~0.02 start.slip~=~[1.5,~1] "
+            "start.spin~=~20",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)  # fmt: skip
+def test_a_ball_that_slips_is_explained_by_its_friction_and_start(
+    truth: rb.Scene, facts: str
+) -> None:
+    """Judged by a scene without limits of friction; against its own scene the file agrees."""
+    right = exact(truth, 1.0)
+    assert judged(truth, right).agrees
+    verdict = judged(truth.ideal, right)
+    assert untold([facts], [mistake.name for mistake in verdict.mistakes]) == []
+    assert verdict.best.path_error < 1e-6  # measured 4e-10; the numbers are fitted
+    assert verdict.best.attitude_error < 1e-6
 
 
 def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:

@@ -56,6 +56,7 @@ _CLEAR = np.log(1e-2), 0.1  # typical and largest error below which a convention
 # least this part of the largest one.
 _SLIPS, _FAST = 0.05, 0.3
 _PARTS, _MOST_TRIALS = (0.15, 0.4, 1.0), 10  # parts of a file, fitted in turn; trials in each
+_GAIN = 1e-3  # relative decrease of the squared error at which a part is finished
 _LARGEST = 5.0  # of the sliding friction; if a file needs more, its units or axes are wrong
 _AROUND, _MOST_STEPS = np.log(5.0), 1000  # largest change of a limit; steps of a motion per second
 _MOST_MISTAKES = 4  # mistakes searched for in one file
@@ -478,7 +479,7 @@ def _slipping_scene(scene: Scene, file: Trajectory, truth: _Truth) -> Scene | No
     x = np.array([*np.log([*guesses.values()]), *begin[free]])
     step = 1e-4 * np.ones(len(x))  # for differences, of motions with an error of _TRIED
     far = np.where(np.arange(len(x)) < len(guesses), _AROUND, np.inf)
-    options: dict[str, Any] = {"bounds": (x - far, x + far), "diff_step": step}
+    options: dict[str, Any] = {"bounds": (x - far, x + far), "diff_step": step, "ftol": _GAIN}
     if not guesses or guesses.get("sliding", 0.0) > _LARGEST:
         return None
     for duration in _PARTS:

@@ -12,7 +12,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import NamedTuple
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
@@ -209,7 +209,7 @@ def editable(
     replaced = next((i for i, geoms in enumerate(pairs) if robot.rolls(map(int, geoms))), None)
     sphere, plane = (names["geom", i] for i in (robot.sphere, robot.plane))
     # The author's text, or else the file as MuJoCo writes it.
-    for read in (robot.path.read_bytes, lambda: robot.spec.to_xml().encode()):
+    for read in (partial(_repaired, robot), lambda: robot.spec.to_xml().encode()):
         try:
             source = read()
             text, moved = (_prepared(source, robot, it, new, replaced) for it in (_STILL, moves))
@@ -219,6 +219,31 @@ def editable(
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
     raise InputError(f"{robot.path} cannot be mended: rewritten, it is a different robot")
+
+
+def _repaired(robot: RobotFile) -> bytes:
+    """Return the text of a robot's file with its repairs."""
+    text = robot.path.read_bytes()
+    if words := robot.repairs.get("freejoint"):
+        elements = _elements_of(text)
+        root = [body for body in elements if body.tag == "body" and body.owner >= 0][robot.root - 1]
+        name: Mapping[str, str] = {}
+        for joint in elements:
+            if joint.tag == "joint" and elements[joint.owner] == root:
+                name = {key: joint.attributes[key] for key in ("name",) if key in joint.attributes}
+                text = _edited(text, [(joint.at, "", "")]).encode()
+                break  # the joints below belong to other bodies
+        new = f"<!-- freejoint: {in_comment(words)} --><freejoint{_attributes(name)}/>"
+        tag = _START_TAG.match(text[root.at :].decode())
+        assert tag is not None
+        start = text.index(b">", root.at + len(tag.group().encode())) + 1
+        text = text[:start] + new.encode() + text[start:]
+    if words := robot.repairs.get("floor"):
+        height = f"0 0 {robot.model.geom_pos[robot.plane, 2]:.9g}"
+        floor = f'<geom type="plane" size="0 0 1" pos="{height}"/>'
+        comment = f"<!-- floor: {in_comment(words)} -->"
+        text = _before_end(text.decode(), [f"<worldbody>{comment}{floor}</worldbody>"]).encode()
+    return text
 
 
 def _is_same(robot: RobotFile, names: _Names, text: str, moves: StartShift) -> bool:

@@ -10,9 +10,9 @@ In order: the model, additions to the file, notes, the tree, the start, actuator
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
@@ -59,7 +59,10 @@ class RobotFile:
     sphere, plane : int
         The numbers of the geom that rolls and of its plane.
     notes : tuple of str
-        Additions to the file, values that it sets implicitly, and parts that the equations omit.
+        Additions to a URDF, values that the file sets implicitly, and parts that the equations
+        omit.
+    repairs : dict of str
+        Additions and changes without which an MJCF file cannot roll, and why.
     """
 
     path: Path
@@ -68,6 +71,7 @@ class RobotFile:
     sphere: int
     plane: int
     notes: tuple[str, ...]
+    repairs: Mapping[str, str] = field(default_factory=dict)
 
     def start(self, key: str | None = None) -> Any:
         """Return MjData at a keyframe, the first one if None, or at the reference position.
@@ -303,17 +307,25 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
     try:
         spec, missing = opened_spec(path)
         model = spec.compile()
-        notes = [*_plane_added(spec, model, shell), *_free_joint_added(spec, model, shell)]
-        if notes:
+        repairs = dict([*_plane_added(spec, model, shell), *_free_joint_added(spec, model, shell)])
+        if repairs:
             model = spec.compile()
-        notes += [f"{file} is missing and left out; it is only drawn" for file in missing]
+        notes = [f"{file} is missing and left out; it is only drawn" for file in missing]
         _check_supported(model)
         sphere = _sphere(model, shell)
         plane = _floor(model, sphere)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
     notes += [*_inferred(spec), *_balanced(spec), *_ignored(model, sphere, plane)]
-    return RobotFile(path, spec, model, sphere, plane, tuple(notes))
+    if _root_tag(path) == "robot":
+        notes = [f"{words}, as a URDF has none" for words in repairs.values()] + notes
+        repairs = {}
+    return RobotFile(path, spec, model, sphere, plane, tuple(notes), repairs)
+
+
+def _root_tag(path: Path) -> str:
+    root = re.search(r"<(\w+)", COMMENT.sub("", path.read_text(errors="replace")))
+    return root[1] if root else ""
 
 
 def _sphere(model: Any, shell: str | None) -> int:
@@ -352,7 +364,7 @@ def _standing(model: Any, sphere: int) -> list[int]:
     return np.flatnonzero(_solid(model) & fixed & (root != root[sphere])).tolist()
 
 
-def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
+def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[tuple[str, str]]:
     if np.any(model.geom_type == _PLANE):
         return
     sphere = _sphere(model, shell)
@@ -362,7 +374,10 @@ def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
         raise InputError(f'{floor}: put <geom type="plane" size="1 1 .1"/> there')
     height = round(float(_placed(model).geom_xpos[sphere, 2] - model.geom_size[sphere, 0]), 9)
     spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1], pos=[0, 0, height])
-    yield f"the file has no plane; one is added under its sphere, at height {height:g} m"
+    yield (
+        "floor",
+        f"there is no floor; a plane at height {height:g} m is added under the sphere",
+    )
 
 
 def _placed(model: Any) -> Any:
@@ -386,17 +401,46 @@ def _floor(model: Any, sphere: int) -> int:
     return int(planes[order[0]])
 
 
-def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[str]:
+def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[tuple[str, str]]:
+    """Give the robot a free joint, or take damping, armature and friction from the one it has."""
     root = model.body_rootid[model.geom_bodyid[_sphere(model, shell)]]
     joints = model.jnt_type[model.jnt_bodyid == root].tolist()
     name = body_name(model, root)
     if root == 0:
         raise InputError("the sphere belongs to the world; give its body a freejoint")
     if not joints:
-        spec.bodies[root].add_freejoint()
-        yield f"{name} is fixed to the world; it gets a free joint"
+        _add_free_joint(spec, model, root)
+        yield "freejoint", f"{name} has no joint and is fixed to the world; it gets a <freejoint/>"
     elif joints != [_FREE]:
         raise InputError(f"{name} is joined to the world with other joints; give it a freejoint")
+    else:
+        joint, found = spec.bodies[root].joints[0], dict[str, str]()
+        for kind in ("damping", "armature", "frictionloss", "stiffness"):
+            value, default = getattr(joint, kind), getattr(joint.classname.joint, kind)
+            if np.any(value):
+                inherited = np.all(value == default)
+                source = f", of the default class {joint.classname.name}," if inherited else ""
+                found[f"{kind} {np.ravel(value)[0]:g}"] = source
+                setattr(joint, kind, 0.0 * value)
+        if found:
+            acts = f"{' and '.join(found)}{max(found.values())} act{'s' * (len(found) == 1)}"
+            words = f"{acts} on the free joint of {name}, and so on the whole robot"
+            yield "freejoint", f"{words}; a <freejoint/>, which takes no defaults, replaces it"
+
+
+def _add_free_joint(spec: Any, model: Any, root: int) -> None:
+    """Add a free joint to a body, with the body's position in each keyframe."""
+    spec.bodies[root].add_freejoint()
+    after = model.jnt_bodyid > root
+    place = np.concatenate([model.body_pos[root], model.body_quat[root]])
+    for at, whole, name, values in (
+        (model.jnt_qposadr, model.nq, "qpos", place),
+        (model.jnt_dofadr, model.nv, "qvel", np.zeros(6)),
+    ):
+        first = min(at[after], default=whole)
+        for key in spec.keys:
+            if len(old := np.array(getattr(key, name))):
+                setattr(key, name, np.insert(old, first, values))
 
 
 # Features that the equations do not have, and their numbers, which are 0 in a model without them.
@@ -418,12 +462,9 @@ _UNSUPPORTED = {
 
 def _check_supported(model: Any) -> None:
     """Raise InputError for features that the equations do not have."""
-    free = np.isin(model.dof_jntid, np.flatnonzero(model.jnt_type == _FREE))
-    resists = (model.dof_damping, model.dof_armature, model.dof_frictionloss)
     unsupported = {
         **{feature: attrgetter(*names.split())(model) for feature, names in _UNSUPPORTED.items()},
         "an actuator with several controls": model.actuator_ctrlnum != 1,
-        "damping, armature or friction of a free joint": tuple(it[free] for it in resists),
         "a flag that disables gravity, contacts or other forces": model.opt.disableflags & _FORCES,
     }
     for feature, values in unsupported.items():
@@ -659,10 +700,9 @@ def solid_of_file(path: Path, kind: str, name: str) -> Solid:
     # fail for another link or a mesh.
     check_loads(path, "compiled" if kind == "body" else "parsed")
     with named(path):
-        if kind == "link":
-            root = re.search(r"<(\w+)", COMMENT.sub("", path.read_text(errors="replace")))
-            if root and root[1] != "robot":  # MuJoCo would also read MJCF
-                raise InputError(f"not a URDF: its root is <{root[1]}>, not <robot>")
+        if kind == "link" and (root := _root_tag(path)) not in ("", "robot"):
+            # MuJoCo would also read MJCF.
+            raise InputError(f"not a URDF: its root is <{root}>, not <robot>")
         spec = opened_spec(path)[0] if kind == "body" else mujoco.MjSpec.from_file(str(path))
         if (body := spec.body(name)) is None:
             raise unknown(kind, name, [body.name for body in spec.bodies[1:]])

@@ -76,7 +76,7 @@ def scene_of_robot(path: Path, table: Mapping[str, Any], controls: _Controls = _
         ends = [rate.times[-1] for rate in controls.values() if isinstance(rate, Samples)]
         duration = min([DURATION, *ends])
     with named(file):
-        for note in (*robot.notes, *starts_off(robot, data)):
+        for note in (*robot.repairs.values(), *robot.notes, *starts_off(robot, data)):
             warn(f"{file.name}: {note}")
         scene = scene_of(robot, data, controls, keys.rolling, duration)
     return replace(scene, name=path.stem, title=keys.title or scene.title)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robotball import InputError
-from robotball.engines.mujoco.user_model import Obstacle, UserModel, observed
+from robotball.engines.mujoco.user_model import ALOFT_HEIGHT, Obstacle, UserModel, observed
 from robotball.errors import mujoco_silent
 from robotball.motion import Motion, arrays_of, measured_time, with_arrays
 from robotball.robot.formulas import Rolling
@@ -22,10 +22,9 @@ from robotball.user_model.robot_file import start_misses
 
 from ..output import Show
 from .observe import Observation, observe, path_error, resistance_per_deceleration
-from .propose import LONGEST_STEP, editable_file, proposals
+from .propose import LONGEST_STEP, SHORTEST_STEP, editable_file, proposals, stable_step
 
 _PATIENCE = 20.0  # s of processor time for all trials
-_SHORTEST_STEP = 1e-4  # s, of trials
 _FEWEST_SAMPLES = 5  # of a comparison that ends at an obstacle
 _MORE_RUNS = 4  # than changes, which the patience must allow for
 _STOPS = 10.0  # s, in which a rolling friction is to stop a ball
@@ -84,7 +83,13 @@ class Checked:
     def agrees(self) -> bool:
         """Whether the file moves and rolls as the reference does, all the time asked for."""
         seen = self.observation
-        return seen.failure is None and self.short is None and seen.error <= seen.accuracy
+        fails = seen.failure or self.short or seen.user.robot.repairs
+        return not fails and seen.error <= seen.accuracy
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether there is a mended file."""
+        return bool(self.needed or self.observation.user.robot.repairs)
 
     @property
     def mended_error(self) -> float:
@@ -120,6 +125,7 @@ def check_model(
     if observation.judged and (observation.failure or observation.error > accuracy):
         changes = _sufficient(trials)
         needed = _fewest(trials, changes, max(accuracy, _LOOSE * trials.error(changes)))
+    robot = user.robot
     made = [change for change, _ in needed]
     whole = len(trials.times) == len(theory.times)
     return Checked(
@@ -129,7 +135,7 @@ def check_model(
         tried=float(trials.times[-1]),
         needed=needed,
         spared=[change for change in changes if change not in made],
-        source=trials.edit.source,
+        source=robot.path.read_text() if robot.repairs else trials.edit.source,
         text=trials.edit.changed(made),
         mended=trials.path(made) if whole else trials.changed(made).path(theory.times),
         resistance=_resistance(observation, trials.edit),
@@ -188,6 +194,11 @@ class _Trials:
         """Return the path error of the file with changes."""
         return path_error(self.path(changes), self.observation.theory)
 
+    def lifts(self, changes: Sequence[Change]) -> bool:
+        """Return whether the file with changes leaves the plane, or starts inside it."""
+        height, limit = self.path(changes)[:, 2], ALOFT_HEIGHT * self.observation.user.robot.radius
+        return bool(np.nanmax(height) > limit or height[0] < -limit)
+
     def changed(self, changes: Sequence[Change]) -> UserModel:
         """Return the model of the file with changes."""
         return self.observation.user.with_text(self.edit.changed(changes))
@@ -201,7 +212,7 @@ def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstac
     """
     user, symptoms, times = observation.user, observation.symptoms, observation.theory.times
     edit = editable_file(observation)
-    changes = proposals(observation, edit, user.robot.model.opt.timestep)
+    changes = proposals(observation, edit, stable_step(user))
     early = symptoms.obstacle
     # Bodies that collide or a high gain may stop the robot before a wall, or throw it at one.
     if first := [change for change in changes if change.name in ("contacts", "gain")]:
@@ -229,11 +240,11 @@ def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstac
 def _sufficient(trials: _Trials) -> list[Change]:
     """Return all changes, with the longest step that reaches the accuracy, or else the best one."""
     observation, accuracy = trials.observation, trials.observation.accuracy
-    step = observation.user.robot.model.opt.timestep
+    step = stable_step(observation.user)
     while step > LONGEST_STEP:
         step /= 2
     tried, helps = [proposals(observation, trials.edit, step)], True
-    while trials.error(tried[-1]) > accuracy and step / 2 >= _SHORTEST_STEP and helps:
+    while trials.error(tried[-1]) > accuracy and step / 2 >= SHORTEST_STEP and helps:
         step /= 2
         tried.append(proposals(observation, trials.edit, step))
         before, after = (trials.error(changes) for changes in tried[-2:])
@@ -250,14 +261,20 @@ def _fewest(trials: _Trials, changes: Sequence[Change], limit: float) -> list[tu
     def without(change: Change, needed: Sequence[Change]) -> float:
         return trials.error([other for other in needed if other is not change])
 
+    def fails(change: Change, needed: Sequence[Change]) -> bool:
+        others = [other for other in needed if other is not change]
+        return trials.error(others) > limit or (trials.lifts(others) and not trials.lifts(changes))
+
     needed, before = list(changes), None
     while needed != before:  # a change may be needed only as long as another is there
         before = needed
         for change in changes[::-1]:
-            if change in needed and without(change, needed) <= limit:
+            if change in needed and not fails(change, needed):
                 needed = [other for other in needed if other is not change]
     worth = [(change, without(change, needed)) for change in needed]
-    return sorted(worth, key=lambda it: -it[1])
+    # A ball that leaves the plane may come back to its path.
+    start = [change for change, _ in worth if change.start and trials.observation.failure]
+    return sorted(worth, key=lambda it: (np.isfinite(it[1]), it[0] not in start, -it[1]))
 
 
 def motions_of(checked: Checked) -> list[Motion]:

@@ -16,15 +16,15 @@ import mujoco
 import numpy as np
 
 from robotball import InputError, Scene, integrate
-from robotball.engines.mujoco.user_model import Symptoms, UserModel, observed, turned
-from robotball.errors import SceneWarning
+from robotball.engines.mujoco.user_model import ALOFT_HEIGHT, Symptoms, UserModel, observed, turned
+from robotball.errors import EarlyEndError, SceneWarning
 from robotball.motion import ContactMotion, ReferenceMotion
 from robotball.robot.drives import Constant, Drive, as_drive
 from robotball.robot.formulas import Rolling
 from robotball.robot.scene import DOWN, GRAVITY
 from robotball.rotations import Array, rotation_matrix
 from robotball.theory.dop853 import LEAST_RTOL
-from robotball.user_model.robot_file import gears_of, rolling_of
+from robotball.user_model.robot_file import RobotFile, body_name, gears_of, rolling_of
 
 from ..output import Show
 
@@ -36,6 +36,9 @@ _READ_INTERVAL = 1e-3  # s between states whose contacts are read; at least one 
 _SHORTEST_STEP = 1e-7  # s: with a shorter timestep a check takes many minutes
 _LEAST_PATH = 0.1  # of the radius: no verdict on a shorter motion
 _STUCK = 0.05  # of the distance that the reference reaches
+_SHOCK_STEPS = 3
+_SMALL_INERTIA = 1e-2  # of a solid ball: larger ones are usual
+_ROUNDING = 1e-6  # relative, of moments in a file
 _PATIENCE = 10.0  # s of processor time for the reference
 _REFERENCE_ERROR = 1e-6  # of the accuracy: then its path errs by up to 1e-5 of the accuracy in 10 s
 _NEARER = 0.5  # a rolling model other than the contact's must halve the error
@@ -67,6 +70,8 @@ class Observation:
         If the reference slips, the motion with unlimited friction, if there is one.
     path : (n, 4), m
         The file's path as in `UserModel.points` at these samples; NaN after a failure.
+    whole_path : (k, 4), m
+        The path with what follows a failure.
     errors : dict of float
         The path error to each rolling model that was tried.
     failure : str or None
@@ -85,6 +90,7 @@ class Observation:
     theory: ReferenceMotion
     ideal: ReferenceMotion | None
     path: Array
+    whole_path: Array
     errors: Mapping[Rolling, float]
     failure: str | None
     judged: bool
@@ -129,12 +135,14 @@ def observe(
     duration = float(times[-1])
     default = rolling_of(contact)
     scene, watch = user.scene(default, duration), lambda part: show(0.2 * part, "file")
-    motion, symptoms = observed(user, scene, accuracy, steps, watch)
+    name = "repaired" if robot.repairs else "unmodified"
+    motion, symptoms = observed(user, scene, accuracy, steps, watch, name)
     if not symptoms.failure:  # the run may have been given up
         times = times[: max(2, 1 + (len(symptoms.path) - 1) // every)]
     path = np.full((len(times), 4), np.nan)
     sampled = symptoms.path[::every][: len(times)]
     path[: len(sampled)] = sampled
+    whole = path.copy()
     models = [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default)
     rtol = max(_REFERENCE_ERROR * accuracy, LEAST_RTOL)
     theories = _references(user, models, path, times, rtol, show)
@@ -153,15 +161,21 @@ def observe(
     failure = symptoms.failure
     if failure:
         path[theory.times >= symptoms.until] = np.nan
+    elif path[0, 2] < -ALOFT_HEIGHT * robot.radius:
+        failure = f"starts {-path[0, 2]:.3g} m in the plane"
+    elif impossible := next(impossible_numbers(robot), None):
+        failure = f"no body can have its numbers: {impossible}"
     elif not judged:
-        failure = "no verdict. Neither the file nor ideal rolling moves by a tenth of the radius "
-        failure += f"in {end:.3g} s; see --control and --keyframe"
+        turn = float(np.abs(path[:, 3]).max()) / robot.radius
+        spins = f"spins on the spot, by {turn:.3g} rad"
+        failure = f"{spins if turn > _LEAST_PATH else 'stands still'}: the file and ideal rolling "
+        failure += f"move by less than a tenth of the radius in {end:.3g} s; see --control"
     elif _is_stuck(path, theory):
         failure = f"stuck. Moved {_reach(path):.2g} m in {end:.3g} s; "
         failure += f"ideal rolling moves {theory.path_length:.3g} m"
     return Observation(
         user, accuracy, interval, duration, contact,
-        motion, symptoms, theory, ideal, path, errors, failure, judged,
+        motion, symptoms, theory, ideal, path, whole, errors, failure, judged,
     )  # fmt: skip
 
 
@@ -224,10 +238,17 @@ def _references(
         scene = user.scene(rolling, float(times[-1]))
         try:
             with warnings.catch_warnings(action="ignore", category=SceneWarning):
-                theory = theories[rolling] = _reference(scene, times, rtol, show)
+                theory = _reference(scene, times, rtol, show)
+                if is_shock(user, theory) and not scene.start.slips:
+                    # A servo jumps to its command: no contact follows the slip of its first steps.
+                    theory = _integrated(_ideal(scene), times, rtol, show)
+                theories[rolling] = theory
         except (InputError, _SlowError) as error:
             causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(user, scene))
-            refusal = InputError(f"{user.robot.path}: {error}{''.join(causes)}")
+            words = str(error).partition(": shorten")[0]
+            if isinstance(error, EarlyEndError):
+                words += "; a motor or the start is too strong: lower its control or its rate"
+            refusal = InputError(f"{user.robot.path}: {words}{''.join(causes)}")
             if isinstance(error, _SlowError):
                 break
             continue
@@ -247,6 +268,16 @@ def _ideal(scene: Scene) -> Scene:
     """Return the scene with unlimited friction, which does not slip at the start."""
     friction = replace(scene.friction, sliding=None, torsional=None)
     return replace(scene, friction=friction, start=replace(scene.start, slip=np.zeros(3)))
+
+
+def is_shock(user: UserModel, theory: ReferenceMotion) -> bool:
+    """Return whether all slip ends within so few steps that no contact follows it."""
+    return bool(theory.slipping) and theory.slipping[-1][1] < shock_time(user)
+
+
+def shock_time(user: UserModel) -> float:
+    """Return the time of a model's first few steps [s]."""
+    return _SHOCK_STEPS * float(user.robot.model.opt.timestep)
 
 
 def _reference(scene: Scene, times: Array, rtol: float, show: Show) -> ReferenceMotion:
@@ -337,6 +368,9 @@ def unusual_numbers(user: UserModel, scene: Scene) -> Iterator[tuple[str, str]]:
 
     Settings that affect the whole robot come first.
     """
+    yield from (("inertia", words) for words in impossible_numbers(user.robot))
+    yield from (("inertia", words) for words in _small_inertias(user.robot))
+    yield from (("range", words) for words in _inverted_ranges(user.robot.model))
     if abs(scene.gravity / GRAVITY - 1) > _GRAVITY:
         yield "gravity", f"{scene.gravity:g} m/s²; the Earth has {GRAVITY:g} m/s²"
     level = np.allclose(user.robot.plane_axes(user.begin()), np.eye(3))
@@ -368,5 +402,61 @@ def _unusual_gears(scene: Scene) -> Iterator[tuple[str, str]]:
                 words = f"exerts {load:.3g} {unit} on {name} with a gear of {gear:g}; the weights "
                 words += f"exert at most {weight:.3g} {unit}"
                 yield "gear", f"{actuator.name} {words}"
-            elif 0 < abs(gear) <= _SMALL_GEAR:
-                yield "gear", f"{actuator.name} moves {name} with a gear of only {gear:g}"
+            elif abs(gear) <= _SMALL_GEAR:
+                only = f"with a gear of only {gear:g}" if gear else "not at all: its gear is 0"
+                yield "gear", f"{actuator.name} moves {name} {only}"
+
+
+def _extent(robot: RobotFile, data: Any, body: int, point: Array) -> float:
+    """Return the largest distance of a body's geoms from a point (3,), 0 without geoms [m]."""
+    geoms = np.flatnonzero(robot.model.geom_bodyid == body)
+    away = np.linalg.norm(data.geom_xpos[geoms] - point, axis=1) + robot.model.geom_rbound[geoms]
+    return float(away.max(initial=0.0))
+
+
+def impossible_numbers(robot: RobotFile) -> Iterator[str]:
+    """Yield each body of the robot whose mass cannot lie within its geoms or the sphere.
+
+    A mass m within the distance r of the sphere's centre has at most the moment m (r² - c²) about
+    any axis through its centre of mass, which is at the distance c.
+    """
+    model, data = robot.model, robot.start()
+    centre = data.geom_xpos[robot.sphere]
+    for body in np.flatnonzero(model.body_rootid == robot.root).tolist():
+        away = float(np.linalg.norm(data.xipos[body] - centre))
+        reach = max(robot.radius, _extent(robot, data, body, centre))
+        mass, moment = float(model.body_mass[body]), float(model.body_inertia[body].max())
+        name, most = body_name(model, body), mass * (reach**2 - away**2)
+        if away > reach and mass:
+            words = f"{name} has its centre of mass {away:.3g} m from the middle of the sphere"
+            yield f"{words}; it and its geoms reach {reach:.3g} m"
+        elif moment > most * (1 + _ROUNDING):
+            words = f"{name} has a moment of inertia of {moment:.3g} kg m²; {mass:.3g} kg within "
+            solid = f"a solid ball has {2 / 5 * mass * robot.radius**2:.2g}"
+            yield f"{words}{reach:.3g} m has at most {most:.2g} kg m², and {solid}"
+
+
+def _small_inertias(robot: RobotFile) -> Iterator[str]:
+    """Yield bodies with an inertial whose moments are far below the moment of a solid ball."""
+    model, data = robot.model, robot.start()
+    for body in np.flatnonzero(model.body_rootid == robot.root).tolist():
+        extent = _extent(robot, data, body, data.xipos[body])
+        solid = 2 / 5 * float(model.body_mass[body]) * extent**2
+        moment = float(model.body_inertia[body].max())
+        if robot.spec.bodies[body].explicitinertial and moment < _SMALL_INERTIA * solid:
+            words = f"{body_name(model, body)} has a moment of inertia of only {moment:.3g} kg m²"
+            yield f"{words}; a solid ball of its mass and size has {solid:.2g}"
+
+
+def _inverted_ranges(model: Any) -> Iterator[str]:
+    """Yield ranges that MuJoCo ignores, because the first end is not below the second."""
+    joints = ((model.joint(i).name, "range", model.jnt_range[i]) for i in range(model.njnt))
+    kinds = ("ctrlrange", "forcerange")
+    motors = (
+        (model.actuator(i).name, kind, getattr(model, f"actuator_{kind}")[i])
+        for i in range(model.nu)
+        for kind in kinds
+    )
+    for name, kind, (low, high) in (*joints, *motors):
+        if low > high:
+            yield f"{name} has the {kind} {low:g} to {high:g}, which is inverted and has no effect"

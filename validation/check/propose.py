@@ -17,10 +17,11 @@ from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, f
 from robotball.engines.mujoco.user_model import UserModel, wrenches
 from robotball.engines.observe import depth_at_rest
 from robotball.errors import counted
+from robotball.rotations import Array
 from robotball.user_model.mended_file import Change, Editable, StartShift, editable
 from robotball.user_model.robot_file import body_name, geom_name, start_misses
 
-from .observe import Observation
+from .observe import Observation, shock_time
 
 # The recipe has more friction than any motion needs, and the hardest contact that MuJoCo does not
 # soften: MuJoCo raises the time constant to two steps.
@@ -34,9 +35,11 @@ _SAME_DEPTH = 1e-8  # m, the tolerance of a margin
 _SOLVER = {"solver": "Newton", "iterations": "100", "ls_iterations": "50", "tolerance": "1e-10"}
 _ITERATIONS, _LS_ITERATIONS, _TOLERANCE = 20, 10, 1e-8
 _DELIVERED = 0.95  # of the declared rolling resistance: more is not worth a word
-_SHOCK_STEPS = 3
 _OVERRIDDEN = ("margin", "solref", "solimp", "friction")  # by the option flag override
 _EULER_ID, _RK4_ID = map(int, (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4))
+# Largest stable stiffness·dt²/I, of the leapfrog scheme of Euler and the implicit ones, and of RK4.
+_SPRING_LIMITS = {"EULER": 4.0, "RK4": 8.0}
+SHORTEST_STEP = 1e-4  # s, of trials
 _EXPLICIT = {_EULER_ID: INTEGRATORS["Euler"], _RK4_ID: INTEGRATORS["RK4"]}
 _MOST_PAIRS = 5  # of geoms that are named
 
@@ -97,43 +100,81 @@ def collisions(seen: Observation) -> Iterator[str]:
 
 
 class _Gain(NamedTuple):
-    """A velocity gain too high for an explicit integrator: kv·gear²·dt/I, and its stable limit."""
+    """A gain too high for an integrator, over its stable limit, and the longest stable step [s].
 
-    number: float
-    limit: float
+    The step is None for forces along a rate, which are stable with implicitfast at any step.
+    """
+
+    excess: float
     words: str
+    step: float | None
 
 
 def too_high_gain(user: UserModel) -> _Gain | None:
-    """Return the highest velocity gain at which the integrator is unstable, if any.
+    """Return the gain, stiffness or damping that is highest above the stable limit, if any.
 
-    I is the inertia that the actuator moves at the start.
+    They are measured by the inertia that they move at the start.
     """
-    model, data = user.robot.model, user.begin()
+    model = user.robot.model
+    scheme = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
     integrator = _EXPLICIT.get(model.opt.integrator)
-    if integrator is None or integrator.servo_limit is None:
-        return None
-    limit, step = integrator.servo_limit, model.opt.timestep
-    moments, gains = np.zeros((model.nu, model.nv)), []
+    limits = {
+        1: integrator.servo_limit if integrator else None,
+        2: _SPRING_LIMITS.get(scheme, _SPRING_LIMITS["EULER"]),
+    }
+    step, gains = model.opt.timestep, []
+    for name, kind, value, gear, power, mobility in _feedback(user):
+        limit = limits[power]
+        if limit is None or (number := value * gear**2 * step**power * mobility) <= limit:
+            continue
+        square, geared = "²" * (power - 1), kind in ("kv", "kp")
+        factors = f"{value:.3g}" + f"·{gear:.3g}²" * geared + f"·{step:.3g}{square}"
+        words = f"{name}: {kind}{'·gear²' * geared}·dt{square}/I = {factors}/{1 / mobility:.3g} = "
+        words += f"{number:.3g}; "
+        words += f"{integrator.name if integrator else scheme.lower()} is stable below {limit:.3g}"
+        stable = None if power == 1 else step * (limit / number) ** 0.5
+        gains.append(_Gain(number / limit, words, stable))
+    return max(gains, default=None)
+
+
+def _feedback(user: UserModel) -> Iterator[tuple[str, str, float, float, int, float]]:
+    """Yield forces that oppose a rate (1) or an angle (2): names, gain, gear, which, and 1/I."""
+    model, data = user.robot.model, user.begin()
+
+    def mobility(moment: Array) -> float:
+        accelerations = np.zeros((1, model.nv))
+        mujoco.mj_solveM(model, data, accelerations, moment[None])
+        return float(moment @ accelerations[0])
+
+    moments = np.zeros((model.nu, model.nv))
     mujoco.mju_sparse2dense(
         moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
     )
     for name, i in user.actuators.items():
-        kv, gear = -float(model.actuator_biasprm[i, 2]), float(model.actuator_gear[i, 0])
-        accelerations = np.zeros((1, model.nv))
-        mujoco.mj_solveM(model, data, accelerations, moments[i : i + 1])
-        mobility = float(moments[i] @ accelerations[0])
-        if (number := kv * mobility * step) > limit:
-            factors = f"{kv:.3g}·{gear:.3g}²·{step:.3g}/{gear**2 / mobility:.3g}"
-            words = f"{name}: kv·gear²·dt/I = {factors} = {number:.3g}; "
-            words += f"{integrator.name} is stable below {limit:.3g}"
-            gains.append(_Gain(number, limit, words))
-    return max(gains, default=None)
+        if gear := float(model.actuator_gear[i, 0]):
+            inverse = mobility(moments[i]) / gear**2
+            _, kp, kv = (-model.actuator_biasprm[i, :3]).tolist()
+            yield name, "kv", kv, gear, 1, inverse
+            yield name, "kp", kp, gear, 2, inverse
+    for joint in np.flatnonzero(model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)).tolist():
+        dof, name = int(model.jnt_dofadr[joint]), model.joint(joint).name or f"joint {joint}"
+        inverse = mobility(np.eye(model.nv)[dof])
+        if model.opt.integrator == _RK4_ID:  # other integrators take damping implicitly
+            yield name, "damping", float(model.dof_damping[dof]), 1.0, 1, inverse
+        yield name, "stiffness", float(np.ravel(model.jnt_stiffness[joint])[0]), 1.0, 2, inverse
+
+
+def stable_step(user: UserModel) -> float:
+    """Return the timestep, halved until no stiffness is too high for it."""
+    gain, step = too_high_gain(user), float(user.robot.model.opt.timestep)
+    while gain and gain.step and step > max(gain.step, SHORTEST_STEP):
+        step /= 2
+    return step
 
 
 def _gain(seen: Observation) -> Iterator[Change]:
     """An explicit integrator is unstable under a high gain; implicitfast is stable at any."""
-    if gain := too_high_gain(seen.user):
+    if (gain := too_high_gain(seen.user)) and gain.step is None:
         words = f"{gain.words}, implicitfast at any gain"
         yield Change("gain", words, option={"integrator": "implicitfast"})
 
@@ -190,15 +231,23 @@ def _friction(seen: Observation) -> Iterator[Change]:
         torsional = _SLIDING * scene.ball.radius
     if slide < _SLIDING or ((rubber or scene.friction.rolling) and spin != torsional):
         values = _digits(_SLIDING, _SLIDING, torsional, roll, roll)
-        yield Change("friction", needed_friction(seen), pair={"friction": values})
+        words = needed_friction(seen)
+        if slide >= float(seen.theory.loads.sliding_friction.max()):
+            words = f"MuJoCo's regularized friction creeps with a sliding friction of {slide:.3g}"
+        if spin != torsional:
+            words += f"; torsional friction {spin:.3g} m in place of {torsional:.3g} m" * rubber
+        yield Change("friction", words, pair={"friction": values})
 
 
 def needed_friction(seen: Observation) -> str:
     """Return the friction of the file, and the friction that rolling needs, in words."""
     motion = seen.ideal or seen.theory
     slide, _, spin, *_ = seen.contact.friction
-    sliding = round(float(motion.loads.sliding_friction.max()), 6)
-    torsional = round(float(motion.loads.torsional_friction.max()), 6)
+    needs = motion.loads.sliding_friction, motion.loads.torsional_friction
+    if not seen.theory.slipping and needs[0].max() > slide:  # a servo that jumps to its command
+        later = motion.times >= min(shock_time(seen.user), motion.times[-1])
+        needs = needs[0][later], needs[1][later]
+    sliding, torsional = (round(float(need.max()), 6) for need in needs)
     words = f"sliding friction {slide:.3g}; rolling needs {sliding:.2g}"
     rubber = motion.scene.rolling == "rubber"
     more = f"; torsional friction {spin:.3g} m; rolling needs {torsional:.2g} m"
@@ -219,12 +268,6 @@ def slip_causes(seen: Observation) -> Iterator[tuple[str, str]]:
         yield "start", " and ".join(speeds)
 
 
-def is_shock(seen: Observation) -> bool:
-    """Return whether a slip of the start ends within so few steps that no contact follows it."""
-    shortest = _SHOCK_STEPS * seen.option.timestep
-    return any(end < shortest for _, end in seen.theory.slipping[:1])
-
-
 def _slip(seen: Observation, step: float) -> Iterator[Change]:
     """A contact as hard as for rolling lifts a sphere that slips, and it sticks too late."""
     # Euler's damping of slip is stable with RK4, too.
@@ -239,7 +282,8 @@ def _slip(seen: Observation, step: float) -> Iterator[Change]:
 
 def _integrator(seen: Observation) -> Iterator[Change]:
     """An integrator other than RK4 is of first order."""
-    if seen.option.integrator != _RK4_ID and not too_high_gain(seen.user):
+    gain = too_high_gain(seen.user)
+    if seen.option.integrator != _RK4_ID and (gain is None or gain.step):
         yield Change("integrator", "the integrator is of first order", option={"integrator": "RK4"})
 
 
@@ -249,15 +293,18 @@ def _timestep(seen: Observation, step: float) -> Iterator[Change]:
         gain = too_high_gain(seen.user)
         words = f"steps of {1e3 * seen.option.timestep:g} ms are too long"
         words += f" for the gain of {gain.words}" if gain else ""
-        yield Change("timestep", words, option={"timestep": _digits(step)})
+        cures = gain and (gain.step or gain.excess * step < seen.option.timestep)
+        name = "gain" if cures else "timestep"
+        yield Change(name, words, option={"timestep": _digits(step)})
 
 
 def _softness(seen: Observation) -> Iterator[Change]:
     """A sphere of radius a that sinks or floats by p has a path error of 0.54 p/a (measured)."""
     times, depth = seen.motion.times, seen.motion.report.depth
     depth = depth[(times < seen.symptoms.until) & np.isfinite(depth)]
-    sinks = 1e3 * float(depth.mean()) if len(depth) else 0.0
-    by = f": the sphere sinks {sinks:.2g} mm" if len(depth) else ""
+    known = len(depth) and not seen.symptoms.diverged
+    sinks = 1e3 * float(depth.mean()) if known else 0.0
+    by = f": the sphere sinks {sinks:.2g} mm" if known else ""
     name, words = "softness", f"the contact is soft{by} and has no load at first"
     if sinks < 0:
         name, words = "margin", f"its margin holds the sphere {-sinks:.2g} mm above the plane"

@@ -22,8 +22,14 @@ from .. import report
 from ..output import known, panels, scientific
 from ..study import Column, Study, table_of
 from .ablate import Checked
-from .observe import Observation, distances, resistance_per_deceleration, unusual_numbers
-from .propose import collisions, is_shock, needed_friction, slip_causes
+from .observe import (
+    Observation,
+    distances,
+    is_shock,
+    resistance_per_deceleration,
+    unusual_numbers,
+)
+from .propose import collisions, needed_friction, slip_causes, too_high_gain
 
 COLUMNS = (
     Column("change", "change", words=True),
@@ -33,6 +39,7 @@ COLUMNS = (
 _LEAST_PATH = 0.1  # of the radius: a slip over a shorter path is not worth a line
 _LAG = 0.1  # of the command: a smaller tracking error is not worth a line
 _MOST_INTERVALS = 3  # of slip that are listed
+_AFTER = "0.75"  # grey
 _MOST_LINES = 60  # of a difference
 
 
@@ -40,10 +47,15 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     """Return the table, record, picture and lines of a check. notes: lines to begin with."""
     seen, theory = checked.observation, checked.observation.theory
     file = seen.user.robot.path
-    rows = [_row(f"+ {change.name}", change.words, without) for change, without in checked.needed]
+    causes, repairs = causes_of(checked), seen.user.robot.repairs
+    rows = [_row(f"+ {name}", words) for name, words in repairs.items()]
+    rows += [_row(f"+ {change.name}", change.words, without) for change, without in checked.needed]
+    named = {row["change"] for row in rows}
+    parts = (cause.partition(": ") for cause in causes)
+    rows += [_row(f"! {name}", words) for name, _, words in parts if f"+ {name}" not in named]
     rows += [_row(f"({change.name})", change.words) for change in checked.spared]
     lines = [*notes, *_verdict(checked), *_symptoms(checked)]
-    if checked.needed:
+    if checked.is_changed:
         missed = f", more than {seen.accuracy:g}" if checked.mended_error > seen.accuracy else ""
         lines.append(f"mended: path error {scientific(known(checked.mended_error))}{missed}")
     # The error of a motion that breaks off, or in which nothing moves, has no meaning.
@@ -60,13 +72,13 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
         "fails": seen.failure,
         "ends_early": checked.short,
         "other_rolling": {name: known(error) for name, error in others.items()},
-        "causes": causes_of(checked),
+        "causes": causes,
         "lines": lines,
         "changes": rows,
         "mended_error": known(checked.mended_error),
     }
     shown = [f"[bold]{escape(file.name)}[/]", *map(escape, lines)]
-    tables = [table_of(COLUMNS, rows)] if checked.needed else []
+    tables = [table_of(COLUMNS, rows)] if rows else []
     return Study(file.stem, None, ["check"], rows, record, [*shown, *tables], _picture(checked))
 
 
@@ -89,15 +101,23 @@ def causes_of(checked: Checked) -> list[str]:
     rolls = seen.theory.slipping or seen.theory.path_length >= seen.user.robot.radius
     helped = rolls and needed and checked.mended_error <= seen.accuracy
     unusual = [*slip_causes(seen), *unusual_numbers(seen.user, seen.theory.scene)]
-    meant = {"gear": True, "start": not is_shock(seen), "gravity": bool(seen.theory.slipping)}
-    meant["friction"] = seen.friction_worth < seen.error
+    meant = {"gear": True, "start": not is_shock(seen.user, seen.theory)}
+    meant["gravity"] = bool(seen.theory.slipping)
+    meant["friction"] = seen.friction_worth < seen.error or seen.symptoms.diverged
+    gain = too_high_gain(seen.user) if seen.symptoms.failure else None
+    if gain and not any(change.name == "gain" for change, _ in needed):
+        steps = f"; steps of at most {1e3 * gain.step:.2g} ms are stable" if gain.step else ""
+        causes.insert(0, f"gain: {gain.words}{steps}")
     for name, words in reversed(unusual):
         causes.insert(len(causes) if helped and meant.get(name) else 0, f"{name}: {words}")
+    causes = [f"{name}: {words}" for name, words in seen.user.robot.repairs.items()] + causes
     if not causes and seen.judged and not checked.agrees and not checked.short:
+        tried = ", ".join(dict.fromkeys(change.name for change in checked.spared))
         perhaps = "a stiff joint or a high gain may need a shorter timestep"
         if not seen.symptoms.diverged:
             perhaps = "any two paths part if the motion is sensitive, so try a shorter --duration"
-        causes.append(f"unknown: no change of the recipe helps; {perhaps}")
+        tried = f"the start, gains and inertias are right, and no change of {tried} helps"
+        causes.append(f"unknown: {tried}; {perhaps}")
     return causes
 
 
@@ -117,7 +137,9 @@ def _verdict(checked: Checked) -> Iterator[str]:
         verdict = f"no verdict on {checked.duration:.3g} s. {error}"
     else:
         verdict = f"agrees. {error}"
-    yield f"unmodified: {verdict}."
+    if repairs := seen.user.robot.repairs:
+        yield f"unmodified: does not roll: {'; '.join(repairs.values())}."
+    yield f"{'repaired' if repairs else 'unmodified'}: {verdict}."
     if checked.short:
         yield checked.short
     if seen.judged:
@@ -125,12 +147,15 @@ def _verdict(checked: Checked) -> Iterator[str]:
         nearest = theory.scene.rolling
         others = "".join(f" ({name}: {it})" for name, it in errors.items() if name != nearest)
         yield f"rolling: {nearest}{others}"
-    yield from _slipping(seen)
+    if not seen.failure:
+        yield from _slipping(seen)
     causes = causes_of(checked)
     # Friction that is too small is not an error of the contact, which may have another.
     friction = causes[:1] and causes[0].startswith("friction: it")
     for cause in causes[: 2 if friction and checked.needed else 1]:
         yield f"{'unusual' if checked.agrees else 'cause'}: {cause}"
+    if seen.failure:
+        yield from _slipping(seen)
     if checked.needed and checked.tried < end:
         yield f"causes are sought in the first {checked.tried:.3g} s"
 
@@ -216,24 +241,35 @@ def _picture(checked: Checked) -> Figure:
     """Draw the paths, and the path errors over time, of the file and the mended file."""
     seen, theory = checked.observation, checked.observation.theory
     colour, dashes, _ = PRESET_LOOKS["mended"]
-    curves: list[tuple[str, Array, str, Any]] = [("unmodified", seen.path, LABEL.colour, "-")]
+    label = "repaired" if seen.user.robot.repairs else "unmodified"
+    curves: list[tuple[str, Array, str, Any]] = [(label, seen.path, LABEL.colour, "-")]
     if checked.needed:
         curves.append(("mended", checked.mended, colour, (0, dashes)))
     largest = [scientific(known(distances(path, theory).max())) for _, path, *_ in curves]
     titles = [f"{label} off by {it}" for (label, *_), it in zip(curves, largest, strict=True)]
     if seen.failure:
-        titles[0] = f"unmodified: {seen.failure}"
+        titles[0] = f"{label}: {seen.failure}"
     heading = f"{seen.user.robot.path.name}: {'; '.join(titles)}"
     figure, (left, right) = panels(heading, (11.0, 5.4), 1, 2)
     left.plot(*theory.contact_point.T, c=theory.engine.colour, lw=5, alpha=0.6, label="equations")
+    whole = seen.whole_path[: len(theory.times)]
+    if seen.symptoms.failure:  # what it does after the first bad state, within the picture
+        left.plot(*whole[:, :2].T, color=_AFTER, label="after its first bad state")
+        right.semilogy(theory.times[: len(whole)][1:], distances(whole, theory)[1:], color=_AFTER)
     for label, path, color, dash in curves:
         # Mark the end, because a path may end within another.
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
         left.plot(*path[:, :2].T, ls=dash, marker="o", markevery=last, color=color, label=label)
         away = distances(path, theory)[1:]
         right.semilogy(theory.times[1:], away, ls=dash, color=color, label=label)
+    shown = np.concatenate([theory.contact_point, *(path[:, :2] for _, path, *_ in curves)])
+    middle, half = (
+        np.nanmean([np.nanmin(shown, 0), np.nanmax(shown, 0)], 0),
+        np.nanmax(np.nanmax(shown, 0) - np.nanmin(shown, 0)),
+    )
+    half = 0.6 * max(half, seen.user.robot.radius)
+    left.set(xlim=middle[0] + [-half, half], ylim=middle[1] + [-half, half])
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
-    left.set_adjustable("datalim")
     if not np.any(theory.contact_point) or not np.nansum(np.abs(seen.path)):
         right.set_yscale("linear")
     right.axhline(seen.accuracy, color="gray", linestyle=":", label="asked for")

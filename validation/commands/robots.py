@@ -67,7 +67,7 @@ def check(
     present(study, picture, json, None)
     write_text(html, page_of(study, checked, picture, motions_of(checked)))
     print(picture, html, sep="\n")
-    if checked.needed:
+    if checked.is_changed:
         mended = out / f"{file.stem}-mended.xml"
         write_text(mended, checked.text)
         print(mended, *difference(checked), sep="\n")

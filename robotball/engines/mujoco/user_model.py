@@ -31,7 +31,7 @@ _PATIENCE = 12.0  # s of processor time for one run
 _CLOCK_STEPS = 100  # steps between two readings of the clock
 # The sphere has left the plane if it has no contact for this part of the time, or rises this high.
 _ALOFT_TIME = 0.05
-_ALOFT_HEIGHT = 0.01  # of the radius
+ALOFT_HEIGHT = 0.01  # of the radius
 
 
 class Obstacle(NamedTuple):
@@ -262,16 +262,20 @@ def observed(
     recording.add(_readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
     path = user.points(table.centre, turned(table.angular_velocity[:, 2], table.time))
+    lost, radius = np.isnan(table.depth), user.robot.radius
+    failure, until, hops = _failure(table.time, lost, path[:, 2], radius, diverged)
     exerted, declared = np.nansum(table.resistance, axis=0)
     return motion, Symptoms(
         path,
-        *_failure(table.time, np.isnan(table.depth), path[:, 2], user.robot.radius, diverged),
+        failure,
+        until,
+        hops,
         diverged=diverged is not None,
         inside=Counter({pair: times / len(rows) for pair, times in inside.items()}),
         limits=_limits(model, table),
         delivered=float(exerted / declared) if declared else None,
         lag=_lags(user, table),
-        obstacle=obstacle,
+        obstacle=obstacle if obstacle and obstacle.time <= until else None,
     )
 
 
@@ -281,15 +285,17 @@ def _failure(
     """Return what ends the rolling, a flight or a diverged state, when [s], and whether it hops."""
     failures, until = [], float(times[-1]) if diverged is None else diverged
     part, top = float(lost.mean()), float(heights[lost].max(initial=0.0))
-    if part > _ALOFT_TIME or top > _ALOFT_HEIGHT * radius:
+    if part > _ALOFT_TIME or top > ALOFT_HEIGHT * radius:
         # The start of the longest flight: a sphere that just touches may lose contact at first.
         ends = np.flatnonzero(np.diff(lost, prepend=False, append=False)).reshape(-1, 2)
         until = float(times[ends[np.argmax(ends[:, 1] - ends[:, 0]), 0]])
         flight = f"No contact for {part:.1%} of the time; at most {top:.3g} m above the plane"
         failures.append(f"leaves the plane at t = {until:.3g} s. {flight}")
     if diverged is not None:
-        failures.append(f"diverges at t = {diverged:.3g} s")
-    hops = diverged is None and top <= _ALOFT_HEIGHT * radius
+        # Nothing after the first bad state is a fact.
+        left = f"; it leaves the plane at t = {until:.3g} s" if failures else ""
+        failures = [f"diverges at t = {diverged:.3g} s{left}"]
+    hops = diverged is None and top <= ALOFT_HEIGHT * radius
     return "; ".join(failures) or None, until, hops
 
 

@@ -240,7 +240,7 @@ def test_shell_rolling_model_and_keyframe_are_chosen_by_name(tmp_path: Path) -> 
 WARNED = {
     ("hull.urdf", HULL): [
         "hull.urdf plane -0.15",
-        "hull.urdf chassis free~joint",
+        "hull.urdf chassis <freejoint/>",
     ],
     ("wheel.xml", PLATE.replace('mass=".4" contype="0"', 'mass=".4"')): [
         "wheel.xml wheel shell"
@@ -332,8 +332,6 @@ REFUSED = {
         ("<actuator>", f'{TWO_JOINTS}<motor name="both" tendon="two" armature=".001"/>'),
     "two armature damping joint":
         ("<actuator>", f'{TWO_JOINTS}<motor name="two" tendon="two" damping=".001"/>'),
-    "damping armature free~joint":
-        ("<freejoint/>", '<joint type="free" damping=".1"/>'),
     "hull cart sphere":
         ("<worldbody>", '<worldbody><body name="cart" pos="0 0 .1"><freejoint/>'
          '<geom size=".01" mass=".1"/></body>'),

@@ -26,7 +26,7 @@ from validation import compare
 from validation.check import observe
 from validation.check.ablate import Checked, check_model, motions_of
 from validation.check.propose import too_high_gain
-from validation.check.say import causes_of
+from validation.check.say import causes_of, study_of
 from validation.studies.engine_runs import fixed_work
 from validation.studies.measuring import bare_loop
 
@@ -202,7 +202,7 @@ STANDS = GOOD.replace(_KEY, '<key ctrl="0 0 0"')
 NOT_RIGHT = {
     "stuck 0.0…~m": (GOOD.replace(*PLANTED["contacts"]), 2.0),
     "plane 0.001~s": (GOOD.replace(*PLANTED["start 5"]), 0.3),
-    "no~verdict radius": (STANDS, 0.3),
+    "stands~still radius": (STANDS, 0.3),
     "limit axle -30": (
         GOOD.replace('name="axle"', 'name="axle" range="-30 30"'),
         2.0,
@@ -239,7 +239,7 @@ def test_a_model_that_diverges_is_measured_until_then(tmp_path: Path) -> None:
     user_model = UserModel(open_robot(path), {}, None)
     motion, seen = observed(user_model, user_model.scene("classical", 1.0), 1e-3, 1, lambda _: None)
     assert seen.failure is not None
-    assert seen.failure.endswith("diverges at t = 0.1 s")
+    assert unnamed("diverges 0.1 leaves 0.06", seen.failure) == []
     assert motion.times[-1] < 0.1
     assert np.isfinite(seen.path).all()
 
@@ -283,7 +283,8 @@ def test_a_model_that_diverges_into_the_floor_diverges(tmp_path: Path) -> None:
     user_model = UserModel(open_robot(path), {}, None)
     record = check_model(user_model, "classical", 0.1, 1e-3, silent)
     assert (record.observation.failure or "").startswith("diverges at t = 0.004 s")
-    assert "shorter timestep" in causes_of(record)[0]
+    facts = "gain spin stiffness·dt²/I 1.31e+05 8 0.016~ms"
+    assert unnamed(facts, causes_of(record)[0]) == []
 
 
 @pytest.mark.slow
@@ -298,13 +299,56 @@ def test_a_gain_is_too_high_where_plain_steps_diverge(integrator: str, tmp_path:
 
     probe = too_high_gain(robot(100.0))
     assert probe is not None
-    limit = 100.0 * (probe.limit / probe.number) ** 0.5  # the gear there
+    limit = 100.0 * (1 / probe.excess) ** 0.5  # the gear there
     for part, stable in ((0.95, True), (1.05, False)):
         user_model = robot(part**0.5 * limit)
         end = user_model.path(np.linspace(0.0, 1.0, 101))[-1]
         assert bool(np.isfinite(end).all()) == stable
         assert (too_high_gain(user_model) is None) == stable
     assert too_high_gain(robot(100.0, "implicitfast")) is None
+
+
+STRUCK = """<mujoco><option timestep="{step}"/><worldbody><geom type="plane" size="5 5 .1"/>
+<body pos="0 0 .1"><freejoint/><geom type="sphere" size=".1" mass=".6"/><body>
+<joint name="j" axis="0 1 0"/><geom type="box" size=".03 .03 .01" pos="0 0 -.04" mass=".5"
+contype="0" conaffinity="0"/></body></body></worldbody><actuator>{servo}</actuator>
+<keyframe><key ctrl="{command}"/></keyframe></mujoco>"""
+TOO_HIGH = {
+    "velocity": (".002", '<velocity name="drive" joint="j" kv="6"/>', 5, "kv·gear²·dt/I"),
+    "position": (".01", '<position name="drive" joint="j" kp="100"/>', 0.02, "kp·gear²·dt²/I"),
+}
+
+
+@pytest.mark.parametrize("servo", TOO_HIGH)
+def test_a_gain_that_diverges_is_named_before_friction(servo: str, tmp_path: Path) -> None:
+    """A jump of a stiff servo needs a friction of 23, whatever the engine: no word about it.
+
+    Before, the first cause was the friction, and no change mended the file. Mended: 8e-4.
+    """
+    step, actuator, command, law = TOO_HIGH[servo]
+    path = tmp_path / "robot.xml"
+    path.write_text(STRUCK.format(step=step, servo=actuator, command=command))
+    record = check_model(UserModel(open_robot(path), {}, None), None, 1.0, 1e-3, silent)
+    lines = [*study_of(record, []).record["lines"]]  # type: ignore[index]
+    first = next(i for i, line in enumerate(lines) if line.startswith("cause: "))
+    assert unnamed(f"gain drive {law}", lines[first]) == []
+    assert not any(word in line for line in lines[: first + 1] for word in ("friction", "slip"))
+    assert record.needed[0][0].name == "gain"
+    assert record.mended_error < 1e-3
+
+
+@pytest.mark.parametrize(("height", "duration"), [(".158", 8.0), (".148", 2.0), (".165", 0.5)])
+def test_a_start_off_the_plane_is_the_cause_at_any_duration(
+    height: str, duration: float, tmp_path: Path
+) -> None:
+    """After 8 s the fall is worth less than the accuracy. Before, its cause was unknown then."""
+    path = tmp_path / "robot.xml"
+    path.write_text(GOOD.replace('pos="0 0 .15"', f'pos="0 0 {height}"'))
+    record = check_model(UserModel(open_robot(path), {}, None), None, duration, 1e-3, silent)
+    assert not record.agrees
+    assert unnamed("start plane", causes_of(record)[0]) == []
+    assert 'pos="0 0 0.15"' in record.text
+    assert record.mended_error < 1e-3
 
 
 def test_a_check_begins_at_zero_whatever_the_time_of_the_keyframe(tmp_path: Path) -> None:

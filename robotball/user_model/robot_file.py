@@ -36,7 +36,7 @@ _FORCES |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 _FREE, _BALL, _SLIDE, _HINGE = map(int, mujoco.mjtJoint.__members__.values())
 _GEOMS = mujoco.mjtGeom
 _PLANE, _SPHERE = int(_GEOMS.mjGEOM_PLANE), int(_GEOMS.mjGEOM_SPHERE)
-_MESH = int(_GEOMS.mjGEOM_MESH)
+_BOX, _MESH = int(_GEOMS.mjGEOM_BOX), int(_GEOMS.mjGEOM_MESH)
 # Names of our own parts; a user's body with such a name is renamed.
 _OURS = ("shell", "frame", "floor")
 _FACES = 0.1  # cosine of the angle to gravity: a steeper plane is a wall
@@ -57,7 +57,7 @@ class RobotFile:
     path : Path
     spec, model : MjSpec and MjModel
     sphere, plane : int
-        The numbers of the geom that rolls and of its plane.
+        The numbers of the geom that rolls and of its plane, or of a level box.
     notes : tuple of str
         Additions to a URDF, values that the file sets implicitly, and parts that the equations
         omit.
@@ -130,8 +130,13 @@ class RobotFile:
     def above_plane(self, data: Any) -> tuple[Array, float]:
         """Return the plane's normal (3,), world, and the height of the sphere above it [m]."""
         normal = data.geom_xmat[self.plane][2::3]
-        away = data.geom_xpos[self.sphere] - data.geom_xpos[self.plane]
+        away = data.geom_xpos[self.sphere] - self.floor(data)
         return normal, float(away @ normal) - self.radius
+
+    def floor(self, data: Any) -> Array:
+        """Return a point (3,) of the plane, world: of the top if it is a box."""
+        top = data.geom_xmat[self.plane][2::3] * _half_heights(self.model)[self.plane]
+        return np.asarray(data.geom_xpos[self.plane] + top)
 
     def moving(self, data: Any) -> Array:
         """Return the angular velocity of the shell and the velocity of its centre (6,), world."""
@@ -364,14 +369,27 @@ def _standing(model: Any, sphere: int) -> list[int]:
     return np.flatnonzero(_solid(model) & fixed & (root != root[sphere])).tolist()
 
 
+def _half_heights(model: Any) -> Array:
+    """Return half the height of each geom if it is a box, else 0."""
+    return np.where(model.geom_type == _BOX, model.geom_size[:, 2], 0.0)
+
+
+def _kind(model: Any, geom: int) -> str:
+    kind = _GEOMS(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
+    return f"{geom_name(model, geom)} is a {kind}"
+
+
 def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[tuple[str, str]]:
-    if np.any(model.geom_type == _PLANE):
-        return
     sphere = _sphere(model, shell)
+    if len(_floors(model, sphere)):
+        return
     if others := _standing(model, sphere):
-        kind = _GEOMS(model.geom_type[others[0]]).name.removeprefix("mjGEOM_").lower()
-        floor = f"{geom_name(model, others[0])} is a {kind}, and the equations need a plane"
+        floor = f"{_kind(model, others[0])}, and the equations need a plane or a level box"
         raise InputError(f'{floor}: put <geom type="plane" size="1 1 .1"/> there')
+    roots = model.body_rootid[model.geom_bodyid]
+    if len(moving := np.flatnonzero(_solid(model) & (roots != roots[sphere]))):
+        floor = f"{_kind(model, moving[0])} that moves, and the equations need a floor that stays"
+        raise InputError(f"{floor}: fix it to the world, or add a plane")
     height = round(float(_placed(model).geom_xpos[sphere, 2] - model.geom_size[sphere, 0]), 9)
     spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1], pos=[0, 0, height])
     yield (
@@ -389,12 +407,22 @@ def _placed(model: Any) -> Any:
     return data
 
 
+def _floors(model: Any, sphere: int) -> Any:
+    """Return the numbers of the planes, or else of the boxes that stand level under the sphere."""
+    if len(planes := np.flatnonzero(model.geom_type == _PLANE)):
+        return planes
+    boxes = [i for i in _standing(model, sphere) if model.geom_type[i] == _BOX]
+    data, down = _placed(model), model.opt.gravity / (np.linalg.norm(model.opt.gravity) or 1.0)
+    level = data.geom_xmat[boxes][:, 2::3] @ down < -LEVEL
+    return np.array(boxes, dtype=int)[level]
+
+
 def _floor(model: Any, sphere: int) -> int:
     """Return the plane under the sphere: the nearest solid plane that faces gravity."""
-    data = _placed(model)
-    planes = np.flatnonzero(model.geom_type == _PLANE)
+    data, planes = _placed(model), _floors(model, sphere)
     normals = data.geom_xmat[planes][:, 2::3]
     away = np.einsum("ij,ij->i", data.geom_xpos[sphere] - data.geom_xpos[planes], normals)
+    away -= _half_heights(model)[planes]
     faces = normals @ model.opt.gravity < -_FACES * np.linalg.norm(model.opt.gravity)
     unlikely = np.where(_solid(model)[planes], 0.0, 2.0) + ~faces
     order = np.lexsort([np.abs(away - model.geom_size[sphere, 0]), unlikely])

@@ -27,6 +27,17 @@ _NO_MEMORY = ("Could not allocate memory", "unknown exception")
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 _INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
+# How MuJoCo reports a file that is not XML, or not MJCF.
+_NOT_XML = re.compile(
+    r"=XML_ERROR_(\w+).*?Line number=(\d+)(?:: XMLElement name=(\S+))?", re.DOTALL
+)
+_SCHEMA = re.compile(r"XML Error: (?:Schema violation: )?(.*)\nElement '(.*)', line (\d+)")
+_FAULTS = {
+    "MISMATCHED_ELEMENT": "{} is not closed, or closed by another tag",
+    "PARSING_ATTRIBUTE": "an attribute of {} is given twice, or its value has no quotes",
+    "PARSING": "{} is not closed at the end of the file",
+    "PARSING_TEXT": "there is text outside of the elements",
+}
 _INSTEAD = {
     ".sdf": "; convert an SDF file to URDF or MJCF",
     ".xacro": "; expand it first: xacro {0} > robot.urdf",
@@ -127,7 +138,18 @@ def _main() -> None:
     except (ValueError, mujoco.FatalError, RuntimeError, MemoryError) as error:
         no_memory = any(phrase in str(error) for phrase in _NO_MEMORY)
         large = f"it takes more than {_MEMORY / 1e6:.0f} MB to load"
-        print(large if no_memory or isinstance(error, MemoryError) else error)
+        print(large if no_memory or isinstance(error, MemoryError) else _in_words(str(error)))
+
+
+def _in_words(error: str) -> str:
+    """Return an error of MuJoCo with the line and the element first, in words."""
+    if found := _NOT_XML.search(error):
+        fault, line, tag = found.groups()
+        element = f"<{tag}>" if tag else "an element"
+        return f"line {line}: {_FAULTS.get(fault, 'it is not XML near {}').format(element)}"
+    if found := _SCHEMA.search(error):
+        return f"line {found[3]}: <{found[2]}>: {found[1]}"
+    return error
 
 
 def _limit() -> None:

@@ -248,14 +248,14 @@ def _picture(checked: Checked) -> Figure:
     largest = [scientific(known(distances(path, theory).max())) for _, path, *_ in curves]
     titles = [f"{label} off by {it}" for (label, *_), it in zip(curves, largest, strict=True)]
     if seen.failure:
-        titles[0] = f"{label}: {seen.failure}"
+        titles[0] = f"{label}: {seen.failure.partition('. ')[0]}"
     heading = f"{seen.user.robot.path.name}: {'; '.join(titles)}"
     figure, (left, right) = panels(heading, (11.0, 5.4), 1, 2)
     left.plot(*theory.contact_point.T, c=theory.engine.colour, lw=5, alpha=0.6, label="equations")
     whole = seen.whole_path[: len(theory.times)]
-    if seen.symptoms.failure:  # what it does after the first bad state, within the picture
-        left.plot(*whole[:, :2].T, color=_AFTER, label="after its first bad state")
-        right.semilogy(theory.times[: len(whole)][1:], distances(whole, theory)[1:], color=_AFTER)
+    if np.isnan(seen.path[np.isfinite(whole[:, 0])]).any():  # within the picture
+        left.plot(*whole[:, :2].T, color=_AFTER, label="after the first bad state")
+        right.plot(theory.times[1:], distances(whole, theory)[1:], color=_AFTER, marker=".", ms=2)
     for label, path, color, dash in curves:
         # Mark the end, because a path may end within another.
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
@@ -270,7 +270,7 @@ def _picture(checked: Checked) -> Figure:
     half = 0.6 * max(half, seen.user.robot.radius)
     left.set(xlim=middle[0] + [-half, half], ylim=middle[1] + [-half, half])
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
-    if not np.any(theory.contact_point) or not np.nansum(np.abs(seen.path)):
+    if not any(np.nansum(line.get_ydata()) for line in right.lines):
         right.set_yscale("linear")
     right.axhline(seen.accuracy, color="gray", linestyle=":", label="asked for")
     right.set(xlabel="t [s]", title="path error over the path's length or the radius")

@@ -140,7 +140,7 @@ class UserModel:
                 update(robot.model, data)
             centres[i] = data.geom_xpos[robot.sphere]
             spins[i] = robot.moving(data)[:3] @ normal
-        in_plane = (centres - data.geom_xpos[robot.plane]) @ robot.plane_axes(data).T
+        in_plane = (centres - robot.floor(data)) @ robot.plane_axes(data).T
         return self.points(in_plane, turned(spins, times)), obstacle
 
     def _obstacle(self, data: mujoco.MjData, deadline: float) -> Obstacle | None:
@@ -359,7 +359,7 @@ def _table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _
     to_plane = robot.plane_axes(data)
     force = table.force @ to_plane.T
     return table._replace(
-        centre=(table.centre - data.geom_xpos[robot.plane]) @ to_plane.T,
+        centre=(table.centre - robot.floor(data)) @ to_plane.T,
         axes=to_plane @ table.axes.reshape(-1, 3, 3),
         angular_velocity=table.angular_velocity @ to_plane.T,
         velocity=table.velocity @ to_plane.T,

@@ -119,7 +119,7 @@ SECOND = '<child link="bob"/>'
 URDFS = {
     "link 'arm' base leg": URDF.replace('"arm"', '"leg"'),
     "link 'arm' 'bob'": URDF.replace('"fixed"', '"continuous"'),
-    "XML~parse~error": "<robot>",
+    "line~1 closed": "<robot>",
     "URDF <mujoco> <robot>": "<mujoco/>",
     "'value'": URDF.replace('"0.8"', '"heavy"'),
     "value 'nan'": URDF.replace('"0.8"', '"nan"'),
@@ -139,7 +139,10 @@ MJCFS = {
     "inside.xml pos 'nan~0~0'": '<mujoco><include file="parts/inside.xml"/></mujoco>',
     "body 'b' 'c'": mjcf('<body name="c"><joint/><geom size="1"/></body>'),
     "body 'b' mass": mjcf().replace('mass="1"', 'mass="0"'),
-    "XML~parse~error": "<mujoco>",
+    "line~2 closed": "<mujoco>\n<worldbody>",
+    "line~3 <body> closed": "<mujoco>\n<worldbody>\n<body></worldbody></mujoco>",
+    "line~2 <option> value quotes": "<mujoco>\n<option timestep=1/></mujoco>",
+    "line~2 <option> 'speed'": '<mujoco>\n<option speed="1"/></mujoco>',
     "unrecognized~attribute": mjcf(f'<geom {"k" * 4000}="1"/>'),
     "body 'b' 31 c n0": mjcf(NAMED).replace('"b"', '"c"'),
 }

@@ -102,8 +102,18 @@ CASES = {
         {"world": f'<geom type="plane" size="1 1 .1" pos="0 0 -.01" {_GHOST}/>'}, RIGHT, ""),
     "a plane far below": Case({"world": '<geom type="plane" size="1 1 .1" pos="0 0 -1"/>'}, RIGHT,
                               ""),
-    "box as floor": Case({"floor": _fixed("box", "5 5 .1", "0 0 -.1"), **_NO_PAIR}, REFUSED,
-                         "thing is a box"),
+    "box as floor": Case({"floor": _fixed("box", "5 5 .1", "0 0 -.1"), **_NO_PAIR}, RIGHT, ""),
+    "tilted box as floor": Case(
+        {"floor": _fixed("box", "5 5 .1", "0 0 -.1", 'euler="5 0 0"'), **_NO_PAIR}, REFUSED,
+        "thing is a box"),
+    "box on hinges as floor": Case(
+        {"floor": '<body pos="0 0 -.1"><joint name="roll" axis="1 0 0"/>'
+                  '<geom name="tray" type="box" size="1 1 .1" mass="9"/></body>', **_NO_PAIR},
+        REFUSED, "tray is a box that moves"),
+    "mesh as floor": Case(
+        {"top": _MESH.format("2"), **_NO_PAIR,
+         "floor": '<geom name="hills" type="mesh" mesh="hull" pos="0 0 -2"/>'}, REFUSED,
+        "hills is a mesh"),
     "height field as floor": Case(
         {"top": '<asset><hfield name="h" nrow="3" ncol="3" size="2 2 .1 .1"/></asset>',
          "floor": '<geom name="terrain" type="hfield" hfield="h"/>', **_NO_PAIR}, REFUSED,
@@ -209,7 +219,7 @@ CASES = {
         "freejoint: damping 0.2, of the default class light"),
     "gimbal": Case({"plate": _PENDULUM.format(joint='damping=".02"', geom=_GHOST)}, RIGHT, ""),
     "spring": Case({"axle": 'stiffness=".5"'}, RIGHT, ""),
-    "stiff spring": Case({"axle": 'stiffness="40"'}, OFF, "no verdict"),
+    "stiff spring": Case({"axle": 'stiffness="40"'}, OFF, "stands still"),
     "slider": Case(
         {"plate": '<body name="mass"><joint name="s" type="slide" axis="1 0 0" stiffness="60" '
                   f'damping="2"/><geom size=".01" mass=".1" {_GHOST}/></body>'}, RIGHT, ""),

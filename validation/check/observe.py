@@ -17,7 +17,7 @@ import numpy as np
 
 from robotball import InputError, Scene, integrate
 from robotball.engines.mujoco.user_model import ALOFT_HEIGHT, Symptoms, UserModel, observed, turned
-from robotball.errors import EarlyEndError, SceneWarning
+from robotball.errors import SceneWarning
 from robotball.motion import ContactMotion, ReferenceMotion
 from robotball.robot.drives import Constant, Drive, as_drive
 from robotball.robot.formulas import Rolling
@@ -246,7 +246,7 @@ def _references(
         except (InputError, _SlowError) as error:
             causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(user, scene))
             words = str(error).partition(": shorten")[0]
-            if isinstance(error, EarlyEndError):
+            if "lifts off" in words:
                 words += "; a motor or the start is too strong: lower its control or its rate"
             refusal = InputError(f"{user.robot.path}: {words}{''.join(causes)}")
             if isinstance(error, _SlowError):

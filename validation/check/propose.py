@@ -231,11 +231,10 @@ def _friction(seen: Observation) -> Iterator[Change]:
         torsional = _SLIDING * scene.ball.radius
     if slide < _SLIDING or ((rubber or scene.friction.rolling) and spin != torsional):
         values = _digits(_SLIDING, _SLIDING, torsional, roll, roll)
-        words = needed_friction(seen)
-        if slide >= float(seen.theory.loads.sliding_friction.max()):
+        words, loads = needed_friction(seen), seen.theory.loads
+        if max(loads.sliding_friction / slide) <= 1 and max(loads.torsional_friction / spin) <= 1:
             words = f"MuJoCo's regularized friction creeps with a sliding friction of {slide:.3g}"
-        if spin != torsional:
-            words += f"; torsional friction {spin:.3g} m in place of {torsional:.3g} m" * rubber
+            words += f" and a torsional friction of {spin:.3g} m" * rubber
         yield Change("friction", words, pair={"friction": values})
 
 

@@ -200,7 +200,7 @@ def _symptoms(checked: Checked) -> Iterator[str]:
         yield f"contact: lost for {lost.mean():.2%} of the time"
     points = seen.motion.contact_point[rolls]
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    if length > _LEAST_PATH * radius and not seen.theory.slipping:
+    if length > _LEAST_PATH * radius and not (seen.theory.slipping or symptoms.diverged):
         speed = length / seen.motion.times[rolls][-1]
         yield f"slip: {scientific(measured.slip[rolls].mean() / speed)} of its path"
         if scene.rolling == "rubber":

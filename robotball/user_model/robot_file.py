@@ -392,10 +392,7 @@ def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[tuple[str
         raise InputError(f"{floor}: fix it to the world, or add a plane")
     height = round(float(_placed(model).geom_xpos[sphere, 2] - model.geom_size[sphere, 0]), 9)
     spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1], pos=[0, 0, height])
-    yield (
-        "floor",
-        f"there is no floor; a plane at height {height:g} m is added under the sphere",
-    )
+    yield "floor", f"there is no floor; a plane is added under the sphere, at height {height:g} m"
 
 
 def _placed(model: Any) -> Any:
@@ -460,15 +457,13 @@ def _add_free_joint(spec: Any, model: Any, root: int) -> None:
     """Add a free joint to a body, with the body's position in each keyframe."""
     spec.bodies[root].add_freejoint()
     after = model.jnt_bodyid > root
-    place = np.concatenate([model.body_pos[root], model.body_quat[root]])
-    for at, whole, name, values in (
-        (model.jnt_qposadr, model.nq, "qpos", place),
-        (model.jnt_dofadr, model.nv, "qvel", np.zeros(6)),
-    ):
-        first = min(at[after], default=whole)
-        for key in spec.keys:
-            if len(old := np.array(getattr(key, name))):
-                setattr(key, name, np.insert(old, first, values))
+    at = min(model.jnt_qposadr[after], default=model.nq)
+    dof = min(model.jnt_dofadr[after], default=model.nv)
+    for key in spec.keys:
+        if len(key.qpos):
+            key.qpos = np.insert(key.qpos, at, [*model.body_pos[root], *model.body_quat[root]])
+        if len(key.qvel):
+            key.qvel = np.insert(key.qvel, dof, np.zeros(6))
 
 
 # Features that the equations do not have, and their numbers, which are 0 in a model without them.

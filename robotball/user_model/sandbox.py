@@ -28,9 +28,7 @@ COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 _INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
 # How MuJoCo reports a file that is not XML, or not MJCF.
-_NOT_XML = re.compile(
-    r"=XML_ERROR_(\w+).*?Line number=(\d+)(?:: XMLElement name=(\S+))?", re.DOTALL
-)
+_NOT_XML = re.compile(r"(?s)=XML_ERROR_(\w+).*?number=(\d+)(?:: XMLElement name=(\S+))?")
 _SCHEMA = re.compile(r"XML Error: (?:Schema violation: )?(.*)\nElement '(.*)', line (\d+)")
 _FAULTS = {
     "MISMATCHED_ELEMENT": "{} is not closed, or closed by another tag",
@@ -145,11 +143,9 @@ def _in_words(error: str) -> str:
     """Return an error of MuJoCo with the line and the element first, in words."""
     if found := _NOT_XML.search(error):
         fault, line, tag = found.groups()
-        element = f"<{tag}>" if tag else "an element"
-        return f"line {line}: {_FAULTS.get(fault, 'it is not XML near {}').format(element)}"
-    if found := _SCHEMA.search(error):
-        return f"line {found[3]}: <{found[2]}>: {found[1]}"
-    return error
+        words = _FAULTS.get(fault, "it is not XML near {}")
+        return f"line {line}: " + words.format(f"<{tag}>" if tag else "an element")
+    return _SCHEMA.sub(r"line \3: <\2>: \1", error)
 
 
 def _limit() -> None:

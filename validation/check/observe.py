@@ -163,8 +163,8 @@ def observe(
         path[theory.times >= symptoms.until] = np.nan
     elif path[0, 2] < -ALOFT_HEIGHT * robot.radius:
         failure = f"starts {-path[0, 2]:.3g} m in the plane"
-    elif impossible := next(impossible_numbers(robot), None):
-        failure = f"no body can have its numbers: {impossible}"
+    elif impossible := [words for words, never in unusual_inertias(robot) if never]:
+        failure = f"no body can have its numbers: {impossible[0]}"
     elif not judged:
         turn = float(np.abs(path[:, 3]).max()) / robot.radius
         spins = f"spins on the spot, by {turn:.3g} rad"
@@ -368,8 +368,7 @@ def unusual_numbers(user: UserModel, scene: Scene) -> Iterator[tuple[str, str]]:
 
     Settings that affect the whole robot come first.
     """
-    yield from (("inertia", words) for words in impossible_numbers(user.robot))
-    yield from (("inertia", words) for words in _small_inertias(user.robot))
+    yield from (("inertia", words) for words, _ in unusual_inertias(user.robot))
     yield from (("range", words) for words in _inverted_ranges(user.robot.model))
     if abs(scene.gravity / GRAVITY - 1) > _GRAVITY:
         yield "gravity", f"{scene.gravity:g} m/s²; the Earth has {GRAVITY:g} m/s²"
@@ -407,56 +406,42 @@ def _unusual_gears(scene: Scene) -> Iterator[tuple[str, str]]:
                 yield "gear", f"{actuator.name} moves {name} {only}"
 
 
-def _extent(robot: RobotFile, data: Any, body: int, point: Array) -> float:
+def _extent(model: Any, data: Any, body: int, point: Array) -> float:
     """Return the largest distance of a body's geoms from a point (3,), 0 without geoms [m]."""
-    geoms = np.flatnonzero(robot.model.geom_bodyid == body)
-    away = np.linalg.norm(data.geom_xpos[geoms] - point, axis=1) + robot.model.geom_rbound[geoms]
-    return float(away.max(initial=0.0))
+    geoms = np.flatnonzero(model.geom_bodyid == body)
+    away = np.linalg.norm(data.geom_xpos[geoms] - point, axis=1)
+    return float((away + model.geom_rbound[geoms]).max(initial=0.0))
 
 
-def impossible_numbers(robot: RobotFile) -> Iterator[str]:
-    """Yield each body of the robot whose mass cannot lie within its geoms or the sphere.
+def unusual_inertias(robot: RobotFile) -> Iterator[tuple[str, bool]]:
+    """Yield each body with a moment of inertia, or a centre, that is impossible, or too small.
 
     A mass m within the distance r of the sphere's centre has at most the moment m (r² - c²) about
-    any axis through its centre of mass, which is at the distance c.
+    any axis through its centre of mass, which is at the distance c. The geoms of a body and the
+    sphere give r; the geoms alone give the moment of a solid ball, for a body with an inertial.
     """
     model, data = robot.model, robot.start()
-    centre = data.geom_xpos[robot.sphere]
     for body in np.flatnonzero(model.body_rootid == robot.root).tolist():
-        away = float(np.linalg.norm(data.xipos[body] - centre))
-        reach = max(robot.radius, _extent(robot, data, body, centre))
-        mass, moment = float(model.body_mass[body]), float(model.body_inertia[body].max())
-        name, most = body_name(model, body), mass * (reach**2 - away**2)
+        name, mass = body_name(model, body), float(model.body_mass[body])
+        middle, place = data.geom_xpos[robot.sphere], data.xipos[body]
+        away = float(np.linalg.norm(place - middle))
+        reach = max(robot.radius, _extent(model, data, body, middle))
+        moment, most = float(model.body_inertia[body].max()), mass * (reach**2 - away**2)
+        solid = 2 / 5 * mass * _extent(model, data, body, place) ** 2
+        of = f"{name} has a moment of inertia of {moment:.3g} kg m²"
         if away > reach and mass:
             words = f"{name} has its centre of mass {away:.3g} m from the middle of the sphere"
-            yield f"{words}; it and its geoms reach {reach:.3g} m"
+            yield f"{words}; it and its geoms reach {reach:.3g} m", True
         elif moment > most * (1 + _ROUNDING):
-            words = f"{name} has a moment of inertia of {moment:.3g} kg m²; {mass:.3g} kg within "
-            solid = f"a solid ball has {2 / 5 * mass * robot.radius**2:.2g}"
-            yield f"{words}{reach:.3g} m has at most {most:.2g} kg m², and {solid}"
-
-
-def _small_inertias(robot: RobotFile) -> Iterator[str]:
-    """Yield bodies with an inertial whose moments are far below the moment of a solid ball."""
-    model, data = robot.model, robot.start()
-    for body in np.flatnonzero(model.body_rootid == robot.root).tolist():
-        extent = _extent(robot, data, body, data.xipos[body])
-        solid = 2 / 5 * float(model.body_mass[body]) * extent**2
-        moment = float(model.body_inertia[body].max())
-        if robot.spec.bodies[body].explicitinertial and moment < _SMALL_INERTIA * solid:
-            words = f"{body_name(model, body)} has a moment of inertia of only {moment:.3g} kg m²"
-            yield f"{words}; a solid ball of its mass and size has {solid:.2g}"
+            yield f"{of}; {mass:.3g} kg within {reach:.3g} m have at most {most:.2g}", True
+        elif robot.spec.bodies[body].explicitinertial and moment < _SMALL_INERTIA * solid:
+            yield f"{of}; a solid ball of its mass and size has {solid:.2g}", False
 
 
 def _inverted_ranges(model: Any) -> Iterator[str]:
     """Yield ranges that MuJoCo ignores, because the first end is not below the second."""
-    joints = ((model.joint(i).name, "range", model.jnt_range[i]) for i in range(model.njnt))
-    kinds = ("ctrlrange", "forcerange")
-    motors = (
-        (model.actuator(i).name, kind, getattr(model, f"actuator_{kind}")[i])
-        for i in range(model.nu)
-        for kind in kinds
-    )
-    for name, kind, (low, high) in (*joints, *motors):
-        if low > high:
-            yield f"{name} has the {kind} {low:g} to {high:g}, which is inverted and has no effect"
+    for what, kind in (("jnt", "range"), ("actuator", "ctrlrange"), ("actuator", "forcerange")):
+        for i, (low, high) in enumerate(getattr(model, f"{what}_{kind}")):
+            if low > high:
+                name = (model.joint if what == "jnt" else model.actuator)(i).name
+                yield f"{name} has the {kind} {low:g} to {high:g}: it is inverted, without effect"

@@ -147,15 +147,12 @@ def _verdict(checked: Checked) -> Iterator[str]:
         nearest = theory.scene.rolling
         others = "".join(f" ({name}: {it})" for name, it in errors.items() if name != nearest)
         yield f"rolling: {nearest}{others}"
-    if not seen.failure:
-        yield from _slipping(seen)
     causes = causes_of(checked)
     # Friction that is too small is not an error of the contact, which may have another.
     friction = causes[:1] and causes[0].startswith("friction: it")
     for cause in causes[: 2 if friction and checked.needed else 1]:
         yield f"{'unusual' if checked.agrees else 'cause'}: {cause}"
-    if seen.failure:
-        yield from _slipping(seen)
+    yield from _slipping(seen)
     if checked.needed and checked.tried < end:
         yield f"causes are sought in the first {checked.tried:.3g} s"
 
@@ -263,12 +260,12 @@ def _picture(checked: Checked) -> Figure:
         away = distances(path, theory)[1:]
         right.semilogy(theory.times[1:], away, ls=dash, color=color, label=label)
     shown = np.concatenate([theory.contact_point, *(path[:, :2] for _, path, *_ in curves)])
-    middle, half = (
-        np.nanmean([np.nanmin(shown, 0), np.nanmax(shown, 0)], 0),
-        np.nanmax(np.nanmax(shown, 0) - np.nanmin(shown, 0)),
+    ends = np.array([np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)])
+    half, (x, y) = (
+        0.6 * max(np.ptp(ends, axis=0).max(), theory.scene.ball.radius),
+        ends.mean(axis=0),
     )
-    half = 0.6 * max(half, seen.user.robot.radius)
-    left.set(xlim=middle[0] + [-half, half], ylim=middle[1] + [-half, half])
+    left.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
     if not any(np.nansum(line.get_ydata()) for line in right.lines):
         right.set_yscale("linear")

@@ -661,17 +661,33 @@ def starts_off(robot: RobotFile, data: Any, kept: Array | None = None) -> Iterat
         yield f"{name} touches the shell; in the equations it passes through"
 
 
+def default_class(robot: RobotFile, kind: str) -> str:
+    """Return in words which default class sets an attribute of the sphere or plane, if any."""
+    builtin = getattr(mujoco.MjSpec().default.geom, kind)
+    for geom in robot.spec.geoms:
+        default = getattr(geom.classname.geom, kind)
+        inherited = np.all(getattr(geom, kind) == default) and np.any(default != builtin)
+        if geom.id in (robot.sphere, robot.plane) and inherited and not _is_paired(robot):
+            return f" ({kind} of the default class {geom.classname.name})"
+    return ""
+
+
+def _is_paired(robot: RobotFile) -> bool:
+    model = robot.model
+    return any(map(robot.rolls, zip(model.pair_geom1, model.pair_geom2, strict=True)))
+
+
 def friction_source(robot: RobotFile) -> str:
     """Return where MuJoCo takes the friction of sphere and plane from."""
     model, geoms = robot.model, [robot.plane, robot.sphere]
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         return "o_friction, as the option has the flag override"
-    if any(map(robot.rolls, zip(model.pair_geom1, model.pair_geom2, strict=True))):
+    if _is_paired(robot):
         return "the file's <pair>"
     plane, sphere = (f"{geom_name(model, i)} ({model.geom_friction[i, 0]:g})" for i in geoms)
     first, second = model.geom_priority[geoms]
     if first == second:
-        return f"the larger of {plane} and {sphere}"
+        return f"the larger of {plane} and {sphere}{default_class(robot, 'friction')}"
     return f"{plane if first > second else sphere}, which has the higher priority"
 
 

@@ -19,7 +19,12 @@ from robotball.engines.observe import depth_at_rest
 from robotball.errors import counted
 from robotball.rotations import Array
 from robotball.user_model.mended_file import Change, Editable, StartShift, editable
-from robotball.user_model.robot_file import body_name, geom_name, start_misses
+from robotball.user_model.robot_file import (
+    body_name,
+    default_class,
+    geom_name,
+    start_misses,
+)
 
 from .observe import Observation, shock_time
 
@@ -209,6 +214,7 @@ def _condim(seen: Observation) -> Iterator[Change]:
         free = "allows slip" if condim == 1 else "allows spin"
         effect = free if condim < needed else "resists more than it should"
         words = f"condim {condim} {effect}; {scene.rolling} rolling has {needed}"
+        words += default_class(seen.user.robot, "condim")
         yield Change("condim", words, pair={"condim": str(needed)})
 
 
@@ -307,6 +313,7 @@ def _softness(seen: Observation) -> Iterator[Change]:
     name, words = "softness", f"the contact is soft{by} and has no load at first"
     if sinks < 0:
         name, words = "margin", f"its margin holds the sphere {-sinks:.2g} mm above the plane"
+    words += default_class(seen.user.robot, "margin" if sinks < 0 else "solref")
     hard = {"solref": _digits(_TIME_CONSTANT, 1.0), "solimp": _digits(*_SOLIMP)}
     yield Change(name, words, pair=hard)
 

@@ -56,8 +56,10 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     rows += [_row(f"({change.name})", change.words) for change in checked.spared]
     lines = [*notes, *_verdict(checked), *_symptoms(checked)]
     if checked.is_changed:
-        missed = f", more than {seen.accuracy:g}" if checked.mended_error > seen.accuracy else ""
-        lines.append(f"mended: path error {scientific(known(checked.mended_error))}{missed}")
+        error = checked.mended_error
+        missed = f", more than {seen.accuracy:g}" if error > seen.accuracy else ""
+        words = f"path error {scientific(error)}{missed}" if np.isfinite(error) else "it diverges"
+        lines.append(f"mended: {words}")
     # The error of a motion that breaks off, or in which nothing moves, has no meaning.
     meant = seen.judged and not seen.symptoms.failure
     others = {name: error for name, error in seen.errors.items() if name != theory.scene.rolling}
@@ -250,8 +252,10 @@ def _picture(checked: Checked) -> Figure:
     figure, (left, right) = panels(heading, (11.0, 5.4), 1, 2)
     left.plot(*theory.contact_point.T, c=theory.engine.colour, lw=5, alpha=0.6, label="equations")
     whole = seen.whole_path[: len(theory.times)]
-    if np.isnan(seen.path[np.isfinite(whole[:, 0])]).any():  # within the picture
-        left.plot(*whole[:, :2].T, color=_AFTER, label="after the first bad state")
+    if seen.symptoms.failure:
+        end = min(seen.symptoms.until, theory.times[-1])
+        after = seen.symptoms.path[seen.motion.times >= end - theory.times[1]]
+        left.plot(*after[:, :2].T, color=_AFTER, label="after the first bad state")
         right.plot(theory.times[1:], distances(whole, theory)[1:], color=_AFTER, marker=".", ms=2)
     for label, path, color, dash in curves:
         # Mark the end, because a path may end within another.
@@ -259,7 +263,8 @@ def _picture(checked: Checked) -> Figure:
         left.plot(*path[:, :2].T, ls=dash, marker="o", markevery=last, color=color, label=label)
         away = distances(path, theory)[1:]
         right.semilogy(theory.times[1:], away, ls=dash, color=color, label=label)
-    shown = np.concatenate([theory.contact_point, *(path[:, :2] for _, path, *_ in curves)])
+    paths = [path[:, :2] for _, path, *_ in curves[bool(seen.symptoms.failure) :]]
+    shown = np.concatenate([theory.contact_point, *paths])
     ends = np.array([np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)])
     half, (x, y) = (
         0.6 * max(np.ptp(ends, axis=0).max(), theory.scene.ball.radius),

@@ -292,8 +292,10 @@ def _failure(
         flight = f"No contact for {part:.1%} of the time; at most {top:.3g} m above the plane"
         failures.append(f"leaves the plane at t = {until:.3g} s. {flight}")
     if diverged is not None:
-        # Nothing after the first bad state is a fact.
-        left = f"; it leaves the plane at t = {until:.3g} s" if failures else ""
+        # Nothing after the first bad state is a fact: it may be thrown into the plane.
+        off = times[np.abs(heights) > ALOFT_HEIGHT * radius]
+        until = min([until, *off[:1].tolist()])
+        left = f"; it leaves the plane at t = {until:.3g} s" if until < diverged else ""
         failures = [f"diverges at t = {diverged:.3g} s{left}"]
     hops = diverged is None and top <= ALOFT_HEIGHT * radius
     return "; ".join(failures) or None, until, hops

@@ -27,7 +27,13 @@ from robotball.robot.formulas import Rolling
 from robotball.robot.scene import Scene
 from robotball.robot.shapes import shapes_of_geoms
 from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix
-from robotball.user_model.sandbox import COMMENT, check_format, check_loads, opened_spec
+from robotball.user_model.sandbox import (
+    COMMENT,
+    check_format,
+    check_loads,
+    in_words,
+    opened_spec,
+)
 
 # The flags that disable forces: those up to clamped controls, and actuation.
 _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
@@ -320,7 +326,7 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         sphere = _sphere(model, shell)
         plane = _floor(model, sphere)
     except (ValueError, mujoco.FatalError) as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {in_words(str(error))}") from None
     notes += [*_inferred(spec), *_balanced(spec), *_ignored(model, sphere, plane)]
     if _root_tag(path) == "robot":
         notes = [f"{words}, as a URDF has none" for words in repairs.values()] + notes

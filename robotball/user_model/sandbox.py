@@ -136,10 +136,10 @@ def _main() -> None:
     except (ValueError, mujoco.FatalError, RuntimeError, MemoryError) as error:
         no_memory = any(phrase in str(error) for phrase in _NO_MEMORY)
         large = f"it takes more than {_MEMORY / 1e6:.0f} MB to load"
-        print(large if no_memory or isinstance(error, MemoryError) else _in_words(str(error)))
+        print(large if no_memory or isinstance(error, MemoryError) else in_words(str(error)))
 
 
-def _in_words(error: str) -> str:
+def in_words(error: str) -> str:
     """Return an error of MuJoCo with the line and the element first, in words."""
     if found := _NOT_XML.search(error):
         fault, line, tag = found.groups()

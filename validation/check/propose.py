@@ -239,7 +239,7 @@ def _friction(seen: Observation) -> Iterator[Change]:
         values = _digits(_SLIDING, _SLIDING, torsional, roll, roll)
         words, loads = needed_friction(seen), seen.theory.loads
         if max(loads.sliding_friction / slide) <= 1 and max(loads.torsional_friction / spin) <= 1:
-            words = f"MuJoCo's regularized friction creeps with a sliding friction of {slide:.3g}"
+            words = f"regularized friction creeps with a sliding friction of {slide:.3g}"
             words += f" and a torsional friction of {spin:.3g} m" * rubber
         yield Change("friction", words, pair={"friction": values})
 

@@ -293,7 +293,7 @@ def _failure(
         failures.append(f"leaves the plane at t = {until:.3g} s. {flight}")
     if diverged is not None:
         # Nothing after the first bad state is a fact: it may be thrown into the plane.
-        off = times[np.abs(heights) > ALOFT_HEIGHT * radius]
+        off = times[(heights > ALOFT_HEIGHT * radius) | (heights < -radius)]
         until = min([until, *off[:1].tolist()])
         left = f"; it leaves the plane at t = {until:.3g} s" if until < diverged else ""
         failures = [f"diverges at t = {diverged:.3g} s{left}"]

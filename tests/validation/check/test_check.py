@@ -337,14 +337,17 @@ def test_a_gain_that_diverges_is_named_before_friction(servo: str, tmp_path: Pat
     assert record.mended_error < 1e-3
 
 
-@pytest.mark.parametrize(("height", "duration"), [(".158", 8.0), (".148", 2.0), (".165", 0.5)])
-def test_a_start_off_the_plane_is_the_cause_at_any_duration(
-    height: str, duration: float, tmp_path: Path
+@pytest.mark.parametrize(
+    ("height", "duration", "accuracy"),
+    [(".158", 2.0, 0.1), (".148", 2.0, 1e-3), (".165", 0.5, 1e-3)],
+)
+def test_a_start_off_the_plane_is_the_cause_whatever_it_is_worth(
+    height: str, duration: float, accuracy: float, tmp_path: Path
 ) -> None:
-    """After 8 s the fall is worth less than the accuracy. Before, its cause was unknown then."""
+    """The first two are within the accuracy. Before, one had an unknown cause, and one agreed."""
     path = tmp_path / "robot.xml"
     path.write_text(GOOD.replace('pos="0 0 .15"', f'pos="0 0 {height}"'))
-    record = check_model(UserModel(open_robot(path), {}, None), None, duration, 1e-3, silent)
+    record = check_model(UserModel(open_robot(path), {}, None), None, duration, accuracy, silent)
     assert not record.agrees
     assert unnamed("start plane", causes_of(record)[0]) == []
     assert 'pos="0 0 0.15"' in record.text

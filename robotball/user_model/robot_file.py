@@ -27,13 +27,7 @@ from robotball.robot.formulas import Rolling
 from robotball.robot.scene import Scene
 from robotball.robot.shapes import shapes_of_geoms
 from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix
-from robotball.user_model.sandbox import (
-    COMMENT,
-    check_format,
-    check_loads,
-    in_words,
-    opened_spec,
-)
+from robotball.user_model.sandbox import COMMENT, check_format, check_loads, in_words, opened_spec
 
 # The flags that disable forces: those up to clamped controls, and actuation.
 _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1

@@ -70,8 +70,6 @@ class Observation:
         If the reference slips, the motion with unlimited friction, if there is one.
     path : (n, 4), m
         The file's path as in `UserModel.points` at these samples; NaN after a failure.
-    whole_path : (k, 4), m
-        The path with what follows a failure.
     errors : dict of float
         The path error to each rolling model that was tried.
     failure : str or None
@@ -90,7 +88,6 @@ class Observation:
     theory: ReferenceMotion
     ideal: ReferenceMotion | None
     path: Array
-    whole_path: Array
     errors: Mapping[Rolling, float]
     failure: str | None
     judged: bool
@@ -142,7 +139,6 @@ def observe(
     path = np.full((len(times), 4), np.nan)
     sampled = symptoms.path[::every][: len(times)]
     path[: len(sampled)] = sampled
-    whole = path.copy()
     models = [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default)
     rtol = max(_REFERENCE_ERROR * accuracy, LEAST_RTOL)
     theories = _references(user, models, path, times, rtol, show)
@@ -175,7 +171,7 @@ def observe(
         failure += f"ideal rolling moves {theory.path_length:.3g} m"
     return Observation(
         user, accuracy, interval, duration, contact,
-        motion, symptoms, theory, ideal, path, whole, errors, failure, judged,
+        motion, symptoms, theory, ideal, path, errors, failure, judged,
     )  # fmt: skip
 
 

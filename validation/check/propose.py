@@ -19,12 +19,7 @@ from robotball.engines.observe import depth_at_rest
 from robotball.errors import counted
 from robotball.rotations import Array
 from robotball.user_model.mended_file import Change, Editable, StartShift, editable
-from robotball.user_model.robot_file import (
-    body_name,
-    default_class,
-    geom_name,
-    start_misses,
-)
+from robotball.user_model.robot_file import body_name, default_class, geom_name, start_misses
 
 from .observe import Observation, shock_time
 

@@ -22,13 +22,7 @@ from .. import report
 from ..output import known, panels, scientific
 from ..study import Column, Study, table_of
 from .ablate import Checked
-from .observe import (
-    Observation,
-    distances,
-    is_shock,
-    resistance_per_deceleration,
-    unusual_numbers,
-)
+from .observe import Observation, distances, is_shock, resistance_per_deceleration, unusual_numbers
 from .propose import collisions, needed_friction, slip_causes, too_high_gain
 
 COLUMNS = (
@@ -251,12 +245,13 @@ def _picture(checked: Checked) -> Figure:
     heading = f"{seen.user.robot.path.name}: {'; '.join(titles)}"
     figure, (left, right) = panels(heading, (11.0, 5.4), 1, 2)
     left.plot(*theory.contact_point.T, c=theory.engine.colour, lw=5, alpha=0.6, label="equations")
-    whole = seen.whole_path[: len(theory.times)]
     if seen.symptoms.failure:
-        end = min(seen.symptoms.until, theory.times[-1])
-        after = seen.symptoms.path[seen.motion.times >= end - theory.times[1]]
+        times, whole = seen.motion.times, seen.symptoms.path
+        after = whole[times >= min(seen.symptoms.until, times[-1]) - seen.interval]
         left.plot(*after[:, :2].T, color=_AFTER, label="after the first bad state")
-        right.plot(theory.times[1:], distances(whole, theory)[1:], color=_AFTER, marker=".", ms=2)
+        whole = whole[:: int((times < 0.999 * seen.interval).sum())][: len(theory.times)]
+        away = distances(whole, theory)
+        right.plot(theory.times[: len(whole)], away, color=_AFTER, marker=".", ms=2)
     for label, path, color, dash in curves:
         # Mark the end, because a path may end within another.
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()

@@ -73,10 +73,9 @@ def turned(q: Array, turn: Array) -> Array:
 def turn_between(p: Array, q: Array) -> Array:
     """Return the rotation vectors (..., 3) in frame axes that take p to q (..., 4) [rad]."""
     turn = multiply(conjugate(p), q)
-    turn *= np.where(turn[..., :1] < 0, -1.0, 1.0)  # not more than half a revolution
-    sine = np.linalg.norm(turn[..., 1:], axis=-1, keepdims=True)
-    angle = 2 * np.arctan2(sine, turn[..., :1])
-    return turn[..., 1:] * np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0)
+    turn = np.where(turn[..., :1] < 0, -turn, turn)  # not more than half a revolution
+    half = np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1, keepdims=True), turn[..., :1])
+    return 2 * turn[..., 1:] / np.sinc(half / np.pi)
 
 
 def angle_between(p: Array, q: Array) -> Array:

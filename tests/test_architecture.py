@@ -242,6 +242,7 @@ with contextlib.suppress(SystemExit): main(["engines"])"""
         ("import robotball as rb; rb.integrate('pendulum_robot', 0.1)", 31, PARTS_OF_SCIPY),
         (LISTED, 63, {"matplotlib", "numba", "scipy"}),
         ("import validation.studies.fitting", 38, {"matplotlib", "scipy.stats"}),
+        ("import robotball.view.render", 19, {"matplotlib.pyplot", "scipy"}),
         ("import validation.cli", 5, {"numpy", "msgspec"}),  # robotball --help
     ],
 )

@@ -45,7 +45,6 @@ from robotball.theory.ensembles.orbits import (
     STEP_TOLERANCE,
     Starts,
     angular_velocity,
-    components,
     orbit,
     orbits,
 )
@@ -304,7 +303,7 @@ def _first_returns(
     starts = Starts(parameters, attitudes, np.zeros_like(gamma))
     numbers = np.concatenate([np.outer(way, normal), np.tile(across, (len(way), 1))], axis=1)
     times, states, *_ = crossings(starts, ARC, numbers, 1, 1, _RETURN_TOLERANCE, longest)
-    back = np.stack(eq.space_axes(components(states[:, 0]))[2], axis=-1)
+    back = rotation_matrix(states[:, 0])[:, 2]
     return np.arctan2(back @ across, back @ centre), times[:, 0]
 
 

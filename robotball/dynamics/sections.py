@@ -26,12 +26,11 @@ from robotball.engines.many_motions import FromStarts
 from robotball.errors import InputError, check_count
 from robotball.motion import Motion
 from robotball.processes import Queue, in_threads
-from robotball.robot import formulas as eq
 from robotball.robot.ball import Rotor, Value
 from robotball.robot.drives import Constant, Drive, Sine, Total
 from robotball.robot.formulas import Parameters
 from robotball.robot.scene import Scene, Start, aligned, section_state
-from robotball.rotations import Array, Mask, conjugate, multiply, rotation_matrix, unit_space_axes
+from robotball.rotations import Array, Mask, conjugate, multiply, rotation_matrix
 from robotball.theory.dop853 import LEAST_RTOL
 from robotball.theory.ensembles.crossings import TRACK, cross
 from robotball.theory.ensembles.flatten import LANES
@@ -41,7 +40,6 @@ from robotball.theory.ensembles.orbits import (
     Balls,
     Integers,
     Starts,
-    components,
     kernel_start,
     work,
 )
@@ -157,10 +155,9 @@ def sections_of(
     results = crossings(starts, RETURN, numbers, count, direction, tolerance)
     times, states, directions, number, status = results
     world = starts.to_world(states)
-    MX, MY, MZ = np.asarray(momenta, dtype=float).T[:, :, None]
-    axes = unit_space_axes(components(world))
-    M, gamma = eq.seen_from_frame((MX, MY, MZ), axes), np.stack(axes[2], axis=-1)
-    return Section(times, gamma, np.stack(M, axis=-1), directions, world, number, status)
+    axes = rotation_matrix(world)
+    M = np.einsum("ni,nmij->nmj", momenta, axes)
+    return Section(times, axes[..., 2, :], M, directions, world, number, status)
 
 
 def section(

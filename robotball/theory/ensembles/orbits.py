@@ -23,7 +23,7 @@ from robotball.motion import pieces
 from robotball.processes import Queue, in_threads
 from robotball.robot.formulas import Parameters, as_vector, check_speed
 from robotball.robot.scene import Scene, times_of
-from robotball.rotations import Array, Quaternion, multiply, quaternion_product, rotation_matrix
+from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.theory.compiled import Function, compiled_from, inlined, text_of
 from robotball.theory.ensembles import steppers as st
 from robotball.theory.ensembles.flatten import FEW, LANES
@@ -386,14 +386,9 @@ class Starts:
 
 def _turned_starts(angles: Array, attitudes: Array) -> Array:
     """Return attitudes (..., 4) after turns (...) about the vertical [rad]."""
-    turns = (np.cos(angles / 2), 0.0, 0.0, np.sin(angles / 2))
-    return np.stack(quaternion_product(turns, components(attitudes)), axis=-1)
-
-
-def components(q: Array) -> Quaternion:
-    """Return quaternions (..., 4) as four columns (...)."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    return (w, x, y, z)
+    zero = np.zeros(angles.shape)
+    turns = np.stack([np.cos(angles / 2), zero, zero, np.sin(angles / 2)], axis=-1)
+    return multiply(turns, attitudes)
 
 
 def _check_starts(balls: Sequence[Parameters], attitudes: Array, momenta: Array) -> None:

@@ -257,7 +257,7 @@ def _picture(checked: Checked) -> Figure:
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
         left.plot(*path[:, :2].T, ls=dash, marker="o", markevery=last, color=color, label=label)
         away = distances(path, theory)[1:]
-        right.semilogy(theory.times[1:], away, ls=dash, color=color, label=label)
+        right.plot(theory.times[1:], away, ls=dash, color=color, label=label)
     paths = [path[:, :2] for _, path, *_ in curves[bool(seen.symptoms.failure) :]]
     shown = np.concatenate([theory.contact_point, *paths])
     ends = np.array([np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)])
@@ -267,8 +267,8 @@ def _picture(checked: Checked) -> Figure:
     )
     left.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
-    if not any(np.nansum(line.get_ydata()) for line in right.lines):
-        right.set_yscale("linear")
+    positive = any(np.nansum(line.get_ydata()) for line in right.lines)
+    right.set_yscale("log" if positive else "linear")
     right.axhline(seen.accuracy, color="gray", linestyle=":", label="asked for")
     right.set(xlabel="t [s]", title="path error over the path's length or the radius")
     left.legend()

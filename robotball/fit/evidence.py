@@ -145,7 +145,7 @@ def estimates_at(
     undetermined += _undetermined(covariance, unknowns)
     undetermined += [
         f"{ended[i].name} is at least about {need:.3g}, the most that the motions need"
-        for i, need in residuals.needs(x).items()
+        for i, need in residuals.needs(x, sticking=True).items()
         if not estimates[freed.index(i)].determined
     ]
     return estimates, covariance, undetermined

@@ -34,7 +34,7 @@ from robotball.fit.scene_numbers import numbers_of
 from robotball.fit.sensing import FEWEST, noise_of
 from robotball.robot.ball import Value
 from robotball.robot.scene import Scene, Start
-from robotball.rotations import Array
+from robotball.rotations import Array, rotation_matrix
 
 _PARTS = (0.15, 0.4, 1.0)  # of the logs, fitted one after the other
 _PRIOR = 1.0  # of an unknown's size: its deviation, without evidence, while fitting part of a log
@@ -300,9 +300,13 @@ def _first_slip(scene: Scene, log: Log, noise: Mapping[str, float], omega: Array
         return None
     t = place.times[:FIRST] - place.times[:FIRST].mean()
     velocity = t @ place.values[:FIRST, :2] / (t @ t)
-    turning = scene.start.to_world @ (omega - scene.hinges[0].rate * scene.ball.shell.axis)
-    slip = scene.slip_of(0.0, np.zeros(2), velocity, turning)
-    of_gyro = scene.ball.radius * noise["gyro"]
+    # The attitude in the middle of these readings, as a fast ball turns during them.
+    attitudes = [s.values[FIRST // 2] for s in log.sensors if s.name == "attitude"]
+    to_world = rotation_matrix(attitudes[0]) if attitudes else scene.start.to_world
+    shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
+    slip = scene.slip_of(0.0, np.zeros(2), velocity, to_world @ shell)
+    turn = noise.get("attitude", 0.0) * float(np.linalg.norm(shell))
+    of_gyro = scene.ball.radius * float(np.hypot(noise["gyro"], turn))
     slide = float(np.hypot(noise["position"] / np.sqrt(t @ t), of_gyro))
     errors = np.array([slide, slide, noise["gyro"]])
     slip[np.isinf(scene.slip_limits)] = 0.0

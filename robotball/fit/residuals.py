@@ -38,6 +38,7 @@ LOSSES: Mapping[str, Callable[[Array], Array]] = {
 # largest one; with 1e-9 by 2e-4, because they are interpolated within long steps.
 _RTOL = 1e-11
 _MOST_STEPS = 1_500  # per second; catalog scenes take below 400, and wild trials are given up early
+_MOST_ROUGH_STEPS = 500  # of neighbours together, which take many if they slip differently
 _DIFFERENCE = 1e-3  # of an unknown's size, for finite differences
 # Difference and tolerance if the equations integrate neighbours with the same steps: their errors
 # are almost equal, and a derivative is off by 1e-4 of itself.
@@ -371,15 +372,22 @@ class Residuals:
         circumstances, sensors = self.log_values(k, values), self.logs[k].log.sensors
         return [apart(s, motion, r, circumstances) for s, r in zip(sensors, rows, strict=True)]
 
-    def needs(self, x: Array) -> dict[int, float]:
-        """Return the largest need of the motions for each free limit of friction, by its index."""
-        values, needs = self.values(x), {}
+    def needs(self, x: Array, sticking: bool = False) -> dict[int, float]:
+        """Return the largest need of the motions for each free limit of friction, by its index.
+
+        sticking: leave out the times at which a shell slips.
+        """
+        values, needs = self.values(x), dict[int, float]()
         results = [self._motion(k, tuple(values[m].tolist())) for k, m in enumerate(self._moving)]
-        loads = [result[0].loads for result in results if result is not None]
+        motions = [result[0] for result in results if result is not None]
         for j, unknown in enumerate(self.unknowns):
             if unknown.of_friction:
                 kind = unknown.name.replace("friction.", "") + "_friction"
-                needs[j] = max(float(getattr(load, kind).max()) for load in loads)
+                for motion in motions:
+                    slip = getattr(motion, "slip", None) if sticking else None
+                    counts = True if slip is None else ~slip.any(axis=1)
+                    need = float(getattr(motion.loads, kind).max(initial=0.0, where=counts))
+                    needs[j] = max(need, needs.get(j, 0.0))
         return needs
 
     def _part(self, k: int, x: Array) -> Array:
@@ -419,7 +427,8 @@ class Residuals:
                     if same and scene.breakpoints == first.breakpoints:
                         scenes[j] = scene
             try:
-                motions = integrate_together([first, *scenes.values()], times, _ROUGH_RTOL)
+                most = int(_MOST_ROUGH_STEPS * (1 + times[-1]))
+                motions = integrate_together([first, *scenes.values()], times, _ROUGH_RTOL, most)
             except InputError:
                 return {}
         if len(motions[0].times) < len(times):

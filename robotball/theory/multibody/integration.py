@@ -131,7 +131,9 @@ def _end_of_range(scene: Scene, march: March, samples: int) -> str | None:
     return ended
 
 
-def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> list[Motion]:
+def integrate_together(
+    scenes: Sequence[Scene], times: Array, rtol: float, max_steps: int = _MAX_STEPS
+) -> list[Motion]:
     """Integrate robots whose parameters differ slightly with the same steps and the same modes.
 
     The motions then differ because of the parameters alone, and finite differences of them are as
@@ -141,7 +143,7 @@ def integrate_together(scenes: Sequence[Scene], times: Array, rtol: float) -> li
     """
     end = float(times[-1])
     wholes = [scene.until(end) for scene in scenes]
-    march = March(System(*wholes), rtol, end, _MAX_STEPS)
+    march = March(System(*wholes), rtol, end, max_steps)
     states, readings = (np.split(rows, len(wholes), axis=1) for rows in march.run(times))
     hinges, times = len(wholes[0].hinges), times[: len(states[0])]
     return [

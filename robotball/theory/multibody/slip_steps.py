@@ -145,7 +145,11 @@ class SlipSteps:
         own = columns @ rows + speeds[..., None] * np.eye(3) + np.diag(self.system.weights == 0)
         stage = np.arange(_COUNT)
         matrix[:, stage, :, stage] += own.transpose(1, 0, 2, 3)
-        return np.linalg.inv(matrix.reshape(-1, 3 * _COUNT, 3 * _COUNT))
+        matrix = matrix.reshape(-1, 3 * _COUNT, 3 * _COUNT)
+        try:
+            return np.linalg.inv(matrix)
+        except np.linalg.LinAlgError:  # with a tiny friction; the step fails
+            return np.full_like(matrix, np.nan)
 
     def within(self, times: Array) -> Array:
         """Return states (m, n) at times (m,) in the last step."""

@@ -10,7 +10,7 @@ import pytest
 
 import robotball as rb
 from robotball.fit import fitting
-from robotball.fit.residuals import held
+from robotball.fit.residuals import Residuals, by_equations, held, of_log, of_scene
 from robotball.fit.scene_numbers import numbers_of
 from robotball.fit.sensing import apart, contradictions, noise_of, stands_still, times_of
 from robotball.motion import Motion
@@ -183,6 +183,29 @@ def test_a_friction_that_is_not_reached_has_a_lower_bound(factor: float) -> None
     assert unnamed("friction.sliding at~least need", bound) == []
     # Measured 0.925 and 0.929, with the noise of the start.
     assert float(bound.split("about ")[1].split(",")[0]) == pytest.approx(need, rel=0.02)
+
+
+def test_the_need_of_a_ball_that_sticks_is_not_the_friction_of_its_slip() -> None:
+    """A sphere that slides needs all its friction, and none when it rolls straight."""
+    scene = rolling_start(SLIDING, 1.0)
+    sensed = fitting._sensed(scene, log(of=rb.integrate(SLIDING, SHORT)), NOISE)
+    numbers = numbers_of(scene)
+    unknowns = of_scene(numbers, ["friction.sliding"], scene.ball.radius)
+    unknowns += of_log(sensed.start, sensed.log, 0, [])
+    residuals = Residuals(numbers, unknowns, [sensed], by_equations, "linear", {})
+    x = np.zeros(len(unknowns))
+    assert residuals.needs(x)[0] == pytest.approx(0.3, abs=1e-9)
+    assert residuals.needs(x, sticking=True)[0] < 1e-9
+
+
+def test_a_fast_ball_that_rolls_does_not_start_with_slip() -> None:
+    """It turns by 0.2 rad during the first readings.
+
+    With the attitude of the first one, their velocity seemed to slip by 1 m/s.
+    """
+    scene = replace(rb.load_scene("fig12"), friction=Friction(20.0, 20.0))
+    made = log(of=rb.integrate(scene, rb.sample_times(0.5, 0.02)))
+    assert not fitting._sensed(scene, made, NOISE).start.start.slips
 
 
 @pytest.mark.slow

@@ -120,6 +120,22 @@ def test_motions_integrated_together_have_the_derivative_by_friction(
             assert largest > 1e-3
 
 
+def test_motions_together_end_at_their_limit_of_steps() -> None:
+    """Neighbours that slip differently took minutes."""
+    scene = regular(0.6)
+    with pytest.raises(rb.InputError, match=naming("5 steps reach")):
+        integrate_together([scene, scene], np.linspace(0.0, 1.0, 11), 1e-7, 5)
+
+
+def test_a_step_whose_directions_have_no_solution_fails() -> None:
+    """Its matrix is singular, as with a friction of 2e-11; numpy raised an error for this."""
+    system = System(sphere((2.0, 0.0), (0.0, 0.0, 0.0), Friction(0.3)))
+    steps = slip_steps.SlipSteps(system, 0.0, 1.0, friction.start_state(system))
+    directions = np.tile([1.0, 0.0, 0.0], (1, slip_steps._COUNT, 1))
+    inverse = steps._inverse(0.0, directions, np.zeros((1, slip_steps._COUNT, 1)))
+    assert np.isnan(inverse).all()
+
+
 def test_motions_whose_slip_turns_are_not_integrated_together() -> None:
     """The forces of neighbours jump at other times, which would make derivatives wrong by 18 %."""
     scene = replace(rb.load_scene("fig12"), friction=Friction(1.0, 0.5))

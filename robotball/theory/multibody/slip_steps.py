@@ -29,7 +29,8 @@ def _integrals(parts: Array) -> Array:
 
 
 # The roots of Legendre's P_6 - P_7, the last of which is 1.
-_NODES = (1 + legendre.legroots([*np.zeros(_COUNT - 1), 1.0, -1.0])) / 2
+# NumPy 2.5 returns the roots, which are real, as complex numbers.
+_NODES = (1 + np.sort(legendre.legroots([*np.zeros(_COUNT - 1), 1.0, -1.0]).real)) / 2
 # From slopes at the nodes to coefficients of Legendre's polynomials, and to the states there.
 _SERIES = np.linalg.inv(legendre.legvander(2 * _NODES - 1, _COUNT - 1))
 _WEIGHTS = _integrals(_NODES) @ _SERIES

@@ -6,6 +6,7 @@ hinges and start at the depth that carries the ball, so that the error is that o
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -55,7 +56,7 @@ def cones_study(scene: Scene, times: Array, quick: bool) -> Study:
             limited = replace(scene, friction=limits)
             theory = integrate(limited, times)
             for step in _STEPS:
-                row = {"part": part, "friction": part * need, "step": step}
+                row: dict[str, Any] = {"part": part, "friction": part * need, "step": step}
                 for name, settings in _contacts(limited, step).items():
                     motion = run(build(limited, settings), times)
                     whole = len(motion.times) == len(times)

@@ -125,7 +125,7 @@ class SlipSteps:
             off = slips - speeds * directions
             turn = (inverse @ off.reshape(len(off), -1, 1)).reshape(off.shape)
             directions = directions + turn
-            new = slopes[_COUNT:] + np.hstack(turn @ self._by_turn)
+            new = slopes[_COUNT:] + np.hstack([*(turn @ self._by_turn)])
             last, change = change, length * float((np.abs(new - slopes[:_COUNT]) / unit).max())
             slopes[:_COUNT] = new
             # A geometric decrease would not be enough.

@@ -192,6 +192,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def percent(part: float) -> str:
+    """Return a part in percent, with two digits."""
+    return f"{float(f'{100 * part:.2g}'):g} %"
+
+
 @contextmanager
 def named(name: object) -> Iterator[None]:
     """Prefix the message of any InputError in the block with a name, such as a file's."""

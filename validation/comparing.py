@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotball import InputError, Motion, Request, Scene, integrate
-from robotball.engines.mujoco.limits import percent
+from robotball.errors import percent
 from robotball.files.replacing import refused
 from robotball.processes import allowed, in_processes
 from robotball.rotations import Array

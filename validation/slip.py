@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from robotball import Engine, InputError, Motion, integrate
-from robotball.engines.mujoco.limits import percent
+from robotball.errors import percent
 from robotball.motion import ContactMotion, ReferenceMotion, path_error
 from robotball.robot.scene import Friction, Scene
 
@@ -53,12 +53,10 @@ class Slip:
             if own is not None:
                 has.append(f"{kind} is {own:.3g}{unit}")
                 need.append("" if needed is None else f"{needed:.3g}{unit}")
-        shown = [f"{begin:.3g} to {end:.3g} s" for begin, end in self.intervals[:_SHOWN]]
-        more = f" and {n} times more" if (n := len(self.intervals) - len(shown)) else ""
         parts = [" and ".join(has)]
         if all(need):
             parts[0] += f", and rolling without slip needs {' and '.join(need)}"
-        parts.append(f"the ball slips from {', '.join(shown)}{more}")
+        parts.append(f"the ball slips from {listed(self.intervals)}")
         return "; ".join(filter(None, [*parts, self.split]))
 
     @property
@@ -71,6 +69,13 @@ class Slip:
         if self.of_settings and self.by_engine is not None:
             parts.append(f"the engine is {percent(self.by_engine)} off the path with this friction")
         return "; ".join(parts)
+
+
+def listed(intervals: Sequence[tuple[float, float]]) -> str:
+    """Return the first intervals of slip [s] as words, and the number of the others."""
+    shown = [f"{begin:.3g} to {end:.3g} s" for begin, end in intervals[:_SHOWN]]
+    more = len(intervals) - len(shown)
+    return ", ".join(shown) + (f" and {more} times more" if more else "")
 
 
 def slip_of(theory: Motion, motion: ContactMotion, engine: Engine | None) -> Slip | None:

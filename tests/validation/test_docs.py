@@ -16,8 +16,8 @@ import pytest
 import robotball as rb
 from bench.gallery import NUMBERS, OUTCOMES, law_list, outcomes_table
 from robotball.dynamics.straight_motions import stability_limit
-from robotball.engines.mujoco.limits import percent
 from robotball.engines.mujoco.settings import Prescribed
+from robotball.errors import percent
 from robotball.motion import path_error
 from robotball.scene_files.scene_file import read_scene
 from tests.conftest import Robotball

@@ -20,6 +20,7 @@ from robotball.view.web import view_fragment, view_head
 
 from .. import report
 from ..output import known, panels, scientific
+from ..slip import listed
 from ..study import Column, Study, table_of
 from .ablate import Checked
 from .observe import Observation, distances, is_shock, resistance_per_deceleration, unusual_numbers
@@ -32,7 +33,6 @@ COLUMNS = (
 )
 _LEAST_PATH = 0.1  # of the radius: a slip over a shorter path is not worth a line
 _LAG = 0.1  # of the command: a smaller tracking error is not worth a line
-_MOST_INTERVALS = 3  # of slip that are listed
 _AFTER = "0.75"  # grey
 _MOST_LINES = 60  # of a difference
 
@@ -158,11 +158,8 @@ def _slipping(seen: Observation) -> Iterator[str]:
     theory, robot = seen.theory, seen.user.robot
     if not theory.slipping:
         return
-    shown = [f"{begin:.3g} to {end:.3g} s" for begin, end in theory.slipping[:_MOST_INTERVALS]]
-    if more := len(theory.slipping) - len(shown):
-        shown.append(f"{more} more times")
     part = sum(end - begin for begin, end in theory.slipping) / theory.times[-1]
-    yield f"slips: {', '.join(shown)} ({part:.1%} of the time), as its friction says"
+    yield f"slips: {listed(theory.slipping)} ({part:.1%} of the time), as its friction says"
     yield f"friction: {needed_friction(seen)}. {LABEL.name} takes {friction_source(robot)}"
     if not seen.failure:
         yield f"Coulomb's law with this friction: the file is off by {seen.error:.2%}"

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from robotball.engines.equations import slips
 from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
@@ -71,9 +70,10 @@ class _Search:
         self, scene: Scene, times: Array, accuracy: float, progress: Progress | None
     ) -> None:
         self.scene, self.times, self.accuracy, self.progress = scene, times, accuracy, progress
-        self.seconds, self.remaining, self.slips = 0.0, 1.0, slips(scene)
+        self.seconds, self.remaining = 0.0, 1.0
         # A ball at rest has no rate, but a duration.
         plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
+        self.slips = plan.settings.slips
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
         self.rate = max(rate, 1 / plan.duration)
         self.servo_rate = plan.servo_rate
@@ -264,8 +264,8 @@ _OTHER_STEPS = ((2.0, 16.0, 0.1), (0.5, 0.25, 0.75))
 def checked(motion: ContactMotion) -> ContactMotion:
     """Return a motion, with a fault if runs with other steps show that it is inaccurate.
 
-    Only runs of RK4 whose M may change are checked: elsewhere the change of M shows the error.
-    While a ball slips, the error is of first order.
+    Only runs of RK4 whose M may change are checked, and runs of balls that may slip: elsewhere the
+    change of M shows the error. While a ball slips, the error is of first order.
     RK4's error goes with the 4th power of the timestep, and the contact's with its depth, which
     goes with its softness. A run with f times the timestep and f⁴ times the softness therefore
     differs by |f⁴ - 1| times the error of path and M. Runs with twice the timestep, which take half
@@ -276,8 +276,9 @@ def checked(motion: ContactMotion) -> ContactMotion:
     if constant_momentum or settings.accuracy or report.faults:
         return motion
     assert isinstance(settings, Settings)
-    order = 1 if settings.slips else Resolved(scene, settings).integrator.order
-    if order != 4 and not settings.slips:
+    if settings.slips:
+        order = 1
+    elif (order := Resolved(scene, settings).integrator.order) != 4:
         return motion
     time, seconds = 0.0, report.total_seconds
     for factor, softer, part in _OTHER_STEPS:

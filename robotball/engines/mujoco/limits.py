@@ -19,7 +19,7 @@ import numpy as np
 
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Resolved
-from robotball.errors import InputError
+from robotball.errors import InputError, percent
 from robotball.motion import tolerated
 from robotball.robot import formulas as eq
 from robotball.robot.formulas import as_vector
@@ -74,11 +74,6 @@ class LimitCheck:
     def exceeded(self) -> bool:
         """True if the run is predicted to fail."""
         return self.nearness > 1
-
-
-def percent(part: float) -> str:
-    """Return a part in percent, with two digits."""
-    return f"{float(f'{100 * part:.2g}'):g} %"
 
 
 def error_check(value: float, limit: float, effect: str, remedy: str) -> LimitCheck:

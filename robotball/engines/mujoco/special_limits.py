@@ -16,9 +16,9 @@ from robotball.engines.mujoco.limits import (
     PlannedRun,
     error_check,
     inverse_inertia,
-    percent,
 )
 from robotball.engines.mujoco.model import ROW_DAMPING, motors_of
+from robotball.errors import percent
 from robotball.motion import RATE_ERROR, path_unit
 from robotball.robot.drives import seeing_step
 from robotball.robot.motors import Servo

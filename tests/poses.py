@@ -36,7 +36,7 @@ def poses(motion: Motion) -> dict[str, _Poses]:
     turned, _ = scene.robot.moved(angles)
     return {
         link.name: _Poses(
-            position=centre + in_world(states.placed[i, :3].T),
+            position=centre + in_world(states.pose.placed[i, :3].T),
             attitude=continuous(multiply(motion.attitude, from_matrix(turned[i]))),
             velocity=in_world(states.velocities[i]),
             angular_velocity=in_world(states.turning[i]),

@@ -21,8 +21,8 @@ from scipy.optimize import least_squares, minimize
 from robotball.errors import InputError, check_positive, check_size
 from robotball.motion import Motion
 from robotball.robot import formulas as eq
-from robotball.robot import mechanics as formulas
 from robotball.robot.drives import Ramp, Samples, turns
+from robotball.robot.mechanics import States
 from robotball.robot.motors import Free
 from robotball.robot.scene import MovedHinge, Scene, Start
 from robotball.rotations import Array, Mask, continuous, rotation_matrix, turned
@@ -125,15 +125,12 @@ class _Steered:
 class _RobotMotion:
     """The motion of a robot at n times.
 
-    axes (n, 3, 3), gamma (n, 3); placed and columns: as in `mechanics`; u (3 + h, n); reach (n,):
-    ratio of the smallest to the largest singular value of the map from hinge rates to momentum.
+    axes (n, 3, 3); reach (n,): ratio of the smallest to the largest singular value of the map from
+    hinge rates to momentum.
     """
 
     axes: Array
-    gamma: Array
-    placed: Array
-    columns: Array
-    u: Array
+    states: States
     reach: Array
 
 
@@ -157,7 +154,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
     motion = way.motion(times, y)
-    rates = motion.u[3:].T
+    rates = motion.states.u[3:].T
     _check_reach(scene, times, motion)
     samples: list[Any] = [
         Samples(times=tuple(times.tolist()), values=tuple(column.tolist())) if on else 0.0
@@ -180,11 +177,14 @@ def _is_driven(hinge: MovedHinge) -> bool:
 
 
 def _check_reach(scene: Scene, times: Array, motion: _RobotMotion) -> None:
-    least, fastest = int(motion.reach.argmin()), int(np.abs(motion.u[3:]).max(axis=0).argmax())
+    least, fastest = (
+        int(motion.reach.argmin()),
+        int(np.abs(motion.states.u[3:]).max(axis=0).argmax()),
+    )
     if motion.reach[least] < _SINGULAR:
         line = "the hinges cannot roll the ball in every direction; choose another path or attitude"
         raise InputError(f"{scene.name}: at t = {times[least]:.4g} s {line}")
-    speed = float(np.abs(motion.u[3:, fastest]).max())
+    speed = float(np.abs(motion.states.u[3:, fastest]).max())
     if not speed < _FASTEST:
         line = f"a hinge needs {speed:.3g} rad/s; increase the duration or choose another path"
         raise InputError(f"{scene.name}: at t = {times[fastest]:.4g} s {line}")
@@ -254,11 +254,8 @@ class _Way:
         axes = rotation_matrix((y[:4] / np.linalg.norm(y[:4], axis=0)).T)
         gamma, rubber = axes[:, 2], scene.rolling == "rubber"
         shell = self.shell(times, gamma, axes)
-        placed = robot.placed(y[7:].T)
-        size = 3 + robot.hinges
-        matrix = np.empty((size, size, n))
-        columns = robot.columns(placed, gamma)
-        formulas.mass_matrix(robot.bodies, placed, columns, matrix)
+        pose = robot.pose(gamma, y[7:].T)
+        matrix = robot.matrix(pose)
         rows = np.einsum("nij,jkn->nik", axes, matrix[:3])  # L in space
         # In the rubber model M = γ×L, so L = M×γ except for its vertical component, which is free.
         M = y[4:7].T
@@ -280,8 +277,8 @@ class _Way:
         if not rubber:
             shell = shell + gamma * (solution[:, -1] * spinning)[:, None]
         reach = singular[:, -1] / singular[:, 0]
-        u = np.concatenate([shell.T, rates.T])
-        return _RobotMotion(axes, gamma, placed, columns, u, reach)
+        states = robot.moving(pose, np.concatenate([shell.T, rates.T]))
+        return _RobotMotion(axes, states, reach)
 
     def rate(self, times: Array, y: Array) -> Array:
         """Return dy/dt (7 + h, n); NaN for states that are astray, so that solvers reject them."""
@@ -289,21 +286,14 @@ class _Way:
         astray = ~(np.abs(y).max(axis=0) < _ASTRAY)
         if astray.any():
             y = np.where(astray, self.start()[:, None], y)
-        robot, scene, now = self.robot, self.scene, self.motion(times, y)
-        up = tuple(now.gamma.T)
-        moving = np.empty((robot.hinges + 1, formulas.MOVING, len(times)))
-        formulas.move(now.columns, now.u, moving)
-        momenta = np.empty_like(now.u)
-        G = tuple(np.einsum("nji,nj->in", now.axes, scene.gravity_at(times)))
-        formulas.momentum_rates(
-            robot.bodies, now.placed, moving, robot.radius, up, G, (0.0, 0.0, 0.0), momenta
-        )
-        L_rate = np.einsum("nij,jn->in", now.axes, momenta[:3])
+        scene, now = self.scene, self.motion(times, y)
+        G = np.einsum("nji,nj->in", now.axes, scene.gravity_at(times))
+        L_rate = np.einsum("nij,jn->in", now.axes, now.states.torque(G))
         if scene.rolling == "rubber":
             L_rate = np.stack([-L_rate[1], L_rate[0], 0 * L_rate[0]])
         w, x, y_, z = y[:4]
-        spin = eq.attitude_rate((w, x, y_, z), tuple(moving[robot.carrier, :3]))
-        return np.where(astray, np.nan, np.concatenate([np.stack(spin), L_rate, now.u[3:]]))
+        spin = eq.attitude_rate((w, x, y_, z), tuple(now.states.turning[self.robot.carrier].T))
+        return np.where(astray, np.nan, np.concatenate([np.stack(spin), L_rate, now.states.u[3:]]))
 
 
 def _forward(way: _Way, times: Array) -> Array:

@@ -7,9 +7,11 @@ of the bodies is the shell. Every other body is joined to its parent, which has 
 hinge or a slide: joint j moves body j + 1. Arrays that end in `...` have the shape of the scalars
 there, () or (n,). Functions write into their last array arguments.
 
-u = (ω_s, q̇): the shell's angular velocity, then the rates of the joints. The columns of a body give
-its motion, ω_b = Σ t_k u_k and v_b = Σ s_k u_k (Kane's partial velocities). (L, h) = 𝓜u: the
-angular momentum about the contact point, then the momenta along the joints.
+u = (ω_s, q̇): the shell's angular velocity, then the rates of the joints. If the shell slips, its
+slip velocity along space's X and Y stands between them. (L, h) = 𝓜u: the angular momentum about the
+contact point, then the momenta along the joints. All sums over bodies are recursive, as in
+Featherstone, Rigid Body Dynamics Algorithms: sweeps out to the last body and back give torques
+(Newton-Euler), and articulated bodies, whose joints are free, give u from (L, h).
 
 `States` has n states of a `Robot` as columns: gamma (n, 3) in the carrier's axes; angles and rates
 (n, h) of the joints [rad, rad/s; m, m/s for slides]; omega (n, 3) of the carrier, in its axes
@@ -18,7 +20,7 @@ angular momentum about the contact point, then the momenta along the joints.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,19 +29,35 @@ from robotball.robot.formulas import Rolling, Scalar, Vector, add, cross, dot, s
 from robotball.rotations import Array
 
 _Numbers = Any  # an array, or its row
+Matrix = tuple[Vector, Vector, Vector]  # its rows
 
 # Bodies are rows of one array, for numba and for columns.
-# Row of a body at joint angles 0, in axes that all bodies then share.
+# Row of a body at joint angles 0, in axes that all bodies then share. A body and all that its joint
+# moves are a composite: its mass, and its part of the mass that its parent and the composites of
+# later bodies there have with it.
 _MASS, _CENTRE, _AXIS, _PIVOT, _INERTIA, _ARMATURE = 0, 1, 4, 7, 10, 19
-_PARENT, _SLIDES, _ROW = 20, 21, 22
-# Row of a placed body: its centre of mass, its tensor about it, the axis of its joint, the pivot,
-# and the rows of its rotation from joint angles 0.
-_FROM_CENTRE, _TENSOR, _ALONG, _AT, _ROTATION, PLACED = 0, 3, 12, 15, 18, 27
-# Column of a body for a component of u: angular velocity and velocity of the centre of mass.
-_TURN, _MOVE, COLUMN = 0, 3, 6
-# Row of a moving body: angular velocity, velocity of the centre of mass, and the rates of both.
-TURNING, _VELOCITY, _TURNING_RATE, _ACCELERATION, MOVING = 0, 3, 6, 9, 12
+_PARENT, _SLIDES, WHOLE, _PART, _ROW = 20, 21, 22, 23, 24
+# Row of a placed body: its centre of mass, its tensor about it, the pivot of its joint, the rows of
+# its rotation from joint angles 0; for a unit rate of its joint the angular velocity of the
+# composite, its velocity at the pivot, and its momentum; the composite's centre of mass.
+_FROM_CENTRE, _TENSOR, _AT, _ROTATION, _TURN, _SLIDE, _PUSH = 0, 3, 12, 15, 24, 27, 30
+_MIDDLE, PLACED = 33, 36
+# Row of an articulated body: the matrices of torque = Aω + Bv and force = Bᵀω + Cv about the pivot;
+# the torque and force for a unit rate of the joint, and the inertia along it.
+_A, _B, _C, _TORQUE, _FORCE, _ALONG, ARTICULATED = 0, 9, 18, 27, 30, 33, 34
+# Row of a moving body: angular velocity, velocity of the centre of mass, and the rates of both; a
+# sum over its composite of momenta or forces, and of their moments about the sphere's centre.
+TURNING, _VELOCITY, _TURNING_RATE, _ACCELERATION, _SUM, _MOMENT, MOVING = 0, 3, 6, 9, 12, 15, 18
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_STILL = (0.0, 0.0, 0.0)
+
+
+class Pose(NamedTuple):
+    """A robot with its joints at angles, and aγ, from the contact point to the sphere's centre."""
+
+    bodies: _Numbers
+    placed: _Numbers
+    lift: Vector
 
 
 def vector(row: _Numbers, at: int) -> Vector:
@@ -54,13 +72,40 @@ def put(row: _Numbers, at: int, v: Vector) -> None:
     row[at + 2] = v[2]
 
 
+def _increase(row: _Numbers, at: int, v: Vector) -> None:
+    """Add a vector to one in a row."""
+    put(row, at, add(vector(row, at), v))
+
+
+def _matrix(row: _Numbers, at: int) -> Matrix:
+    """Return the rows of a matrix in a row."""
+    return vector(row, at), vector(row, at + 3), vector(row, at + 6)
+
+
+def _transposed(M: Matrix) -> Matrix:
+    return (M[0][0], M[1][0], M[2][0]), (M[0][1], M[1][1], M[2][1]), (M[0][2], M[1][2], M[2][2])
+
+
+def _sum(M: Matrix, N: Matrix) -> Matrix:
+    return add(M[0], N[0]), add(M[1], N[1]), add(M[2], N[2])
+
+
+def _around(arm: Vector, M: Matrix) -> Matrix:
+    """Return arm × each row of M."""
+    return cross(arm, M[0]), cross(arm, M[1]), cross(arm, M[2])
+
+
+def _outer(u: Vector, v: Vector) -> Matrix:
+    return scale(u[0], v), scale(u[1], v), scale(u[2], v)
+
+
+def _times(M: Matrix, v: Vector) -> Vector:
+    return dot(M[0], v), dot(M[1], v), dot(M[2], v)
+
+
 def _applied(row: _Numbers, at: int, v: Vector) -> Vector:
     """Return the matrix in a row times v."""
-    return (
-        dot(vector(row, at), v),
-        dot(vector(row, at + 3), v),
-        dot(vector(row, at + 6), v),
-    )
+    return _times(_matrix(row, at), v)
 
 
 def _turned(v: Vector, axis: Vector, cosine: Scalar, sine: Scalar) -> Vector:
@@ -96,8 +141,9 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
             axis = _applied(parent, _ROTATION, vector(body, _AXIS))
             arm = subtract(vector(body, _PIVOT), vector(bodies[p], _PIVOT))
             pivot = add(vector(parent, _AT), _applied(parent, _ROTATION, arm))
-            put(row, _ALONG, axis)
             if body[_SLIDES] == 0:
+                put(row, _TURN, axis)
+                put(row, _SLIDE, scale(0.0, axis))
                 cosine, sine = np.cos(angle), np.sin(angle)
                 for k in range(3):
                     column = (
@@ -109,12 +155,15 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
                     for i in range(3):
                         row[_ROTATION + 3 * i + k] = column[i]
             else:
-                for i in range(_ROTATION, PLACED):
+                for i in range(_ROTATION, _TURN):
                     row[i] = parent[i]
                 pivot = add(pivot, scale(angle, axis))
+                put(row, _TURN, scale(0.0, axis))
+                put(row, _SLIDE, axis)
             put(row, _AT, pivot)
         arm = subtract(vector(body, _CENTRE), vector(body, _PIVOT))
         put(row, _FROM_CENTRE, add(vector(row, _AT), _applied(row, _ROTATION, arm)))
+        put(row, _MIDDLE, vector(row, _FROM_CENTRE))
         # RJ by columns, then (RJ)Rᵀ by rows; J is symmetric.
         x = _applied(row, _ROTATION, vector(body, _INERTIA))
         y = _applied(row, _ROTATION, vector(body, _INERTIA + 3))
@@ -122,251 +171,295 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
         put(row, _TENSOR, _applied(row, _ROTATION, (x[0], y[0], z[0])))
         put(row, _TENSOR + 3, _applied(row, _ROTATION, (x[1], y[1], z[1])))
         put(row, _TENSOR + 6, _applied(row, _ROTATION, (x[2], y[2], z[2])))
+    # The composites, whose rows hold their first bodies.
+    for b in range(len(bodies) - 1, 0, -1):
+        body, row, parent = bodies[b], placed[b], placed[int(bodies[b][_PARENT])]
+        middle = vector(row, _MIDDLE)
+        turned = cross(vector(row, _TURN), subtract(middle, vector(row, _AT)))
+        put(row, _PUSH, scale(body[WHOLE], add(turned, vector(row, _SLIDE))))
+        _increase(parent, _MIDDLE, scale(body[_PART], subtract(middle, vector(parent, _MIDDLE))))
 
 
-def partial_velocities(
-    bodies: _Numbers, placed: _Numbers, radius: float, gamma: Vector, columns: _Numbers
-) -> None:
-    """Write the columns (b, 3 + h, COLUMN, ...) of the bodies' motion per unit of u."""
-    columns[:] = 0.0
-    for b in range(len(bodies)):
-        r = vector(placed[b], _FROM_CENTRE)
-        # From the contact point of the shell, which is at rest.
-        x = add(r, scale(radius, gamma))
-        for i, e in enumerate((_X, _Y, _Z)):
-            columns[b, i, _TURN + i] = 1.0
-            put(columns[b, i], _MOVE, cross(e, x))
-        j = b
-        while j > 0:
-            axis, column = vector(placed[j], _ALONG), columns[b, 2 + j]
-            if bodies[j][_SLIDES] == 0:
-                put(column, _TURN, axis)
-                put(column, _MOVE, cross(axis, subtract(r, vector(placed[j], _AT))))
-            else:
-                put(column, _MOVE, axis)
-            j = int(bodies[j][_PARENT])
+def articulate(pose: Pose, axes: Matrix, given: _Numbers, free: _Numbers, matrix: _Numbers) -> None:
+    """Write the articulated bodies (b, ARTICULATED), and 𝓜 of the shell with free free, (k, k).
 
-
-def slip_columns(columns: _Numbers, alpha: Vector, beta: Vector) -> None:
-    """Write the columns of the slip velocity, the last two: along space's X and Y."""
-    for b in range(len(columns)):
-        put(columns[b, columns.shape[1] - 2], _MOVE, alpha)
-        put(columns[b, columns.shape[1] - 1], _MOVE, beta)
-
-
-def _before(bodies: _Numbers, i: int) -> int:
-    """Return the index in u of the last rate before i that moves the body of i too, or -1."""
-    return 2 + int(bodies[i - 2][_PARENT]) if i > 2 else i - 1
-
-
-def mass_matrix(bodies: _Numbers, placed: _Numbers, columns: _Numbers, matrix: _Numbers) -> None:
-    """Write 𝓜 (3 + h, 3 + h, ...); u·𝓜u/2 is the kinetic energy, including the armatures.
-
-    A larger matrix gets zeros outside 𝓜.
+    axes: those of space. given (k + h,): which rates of u are not free. k: 3, or 5 with slip.
     """
-    matrix[:] = 0.0
-    k = columns.shape[1]
+    bodies, placed, root = pose.bodies, pose.placed, len(matrix)
     for b in range(len(bodies)):
-        # Only the rates that move the body: the other columns are zero.
-        i = 2 + b
-        while i >= 0:
-            spin = _applied(placed[b], _TENSOR, vector(columns[b, i], _TURN))
-            push = scale(bodies[b][_MASS], vector(columns[b, i], _MOVE))
-            j = i
-            while j >= 0:
-                turn, move = vector(columns[b, j], _TURN), vector(columns[b, j], _MOVE)
-                matrix[i, j] += dot(turn, spin) + dot(move, push)
-                j = _before(bodies, j)
-            i = _before(bodies, i)
-    joined = 2 + len(bodies)
-    for i in range(joined, k):  # slip, which moves all bodies alike
-        for b in range(len(bodies)):
-            push = scale(bodies[b][_MASS], vector(columns[b, i], _MOVE))
-            for j in range(i + 1):
-                matrix[i, j] += dot(vector(columns[b, j], _MOVE), push)
+        row, own = placed[b], free[b]
+        arm = subtract(vector(row, _FROM_CENTRE), vector(row, _AT))
+        for i in range(3):
+            push = scale(bodies[b][_MASS], (_X, _Y, _Z)[i])
+            spin = cross(push, arm)
+            put(own, _A + 3 * i, add(vector(row, _TENSOR + 3 * i), cross(arm, spin)))
+            put(own, _B + 3 * i, spin)
+            put(own, _C + 3 * i, push)
+    for b in range(len(bodies) - 1, 0, -1):
+        parent = free[int(bodies[b][_PARENT])]
+        A, B, C = _seen_from(_arm(pose, b), _freed(pose, b, given[root + b - 1], free[b]))
+        for i in range(3):
+            _increase(parent, _A + 3 * i, A[i])
+            _increase(parent, _B + 3 * i, B[i])
+            _increase(parent, _C + 3 * i, C[i])
+    A, B, C = _seen_from(pose.lift, _matrices(free[0]))
+    for i in range(3):
+        for j in range(3):
+            matrix[i, j] = dot(axes[i], _times(A, axes[j]))
+        for j in range(3, root):
+            matrix[i, j] = matrix[j, i] = dot(axes[i], _times(B, axes[j - 3]))
+    for i in range(3, root):
+        for j in range(3, root):
+            matrix[i, j] = dot(axes[i - 3], _times(C, axes[j - 3]))
+    _exchange(matrix, given)
+
+
+def _matrices(own: _Numbers) -> tuple[Matrix, Matrix, Matrix]:
+    return _matrix(own, _A), _matrix(own, _B), _matrix(own, _C)
+
+
+def _seen_from(arm: Vector, matrices: tuple[Matrix, Matrix, Matrix]) -> tuple[Matrix, ...]:
+    """Return A, B and C about another point, from which `arm` reaches the pivot."""
+    A, B, C = matrices
+    moved = _sum(B, _transposed(_around(arm, C)))
+    return _sum(_sum(A, _around(arm, B)), _transposed(_around(arm, moved))), moved, C
+
+
+def _arm(pose: Pose, b: int) -> Vector:
+    """Return the pivot of body b from that of its parent."""
+    p = int(pose.bodies[b][_PARENT])
+    return subtract(vector(pose.placed[b], _AT), vector(pose.placed[p], _AT))
+
+
+def _freed(pose: Pose, b: int, given: bool, own: _Numbers) -> tuple[Matrix, Matrix, Matrix]:
+    """Write what a unit rate of the joint of body b needs; return A, B, C with the joint free."""
+    A, B, C = _matrices(own)
+    turn, slide = vector(pose.placed[b], _TURN), vector(pose.placed[b], _SLIDE)
+    torque = add(_times(A, turn), _times(B, slide))
+    force = add(_times(_transposed(B), turn), _times(C, slide))
+    # The rotor of a motor has inertia for its own joint only.
+    along = dot(turn, torque) + dot(slide, force) + pose.bodies[b][_ARMATURE]
+    own[_ALONG] = along
+    put(own, _TORQUE, torque)
+    put(own, _FORCE, force)
+    if given:
+        return A, B, C
+    t, f = scale(-1 / along, torque), scale(-1 / along, force)
+    return _sum(A, _outer(t, torque)), _sum(B, _outer(t, force)), _sum(C, _outer(f, force))
+
+
+def _exchange(matrix: _Numbers, given: _Numbers) -> None:
+    """Change 𝓜 (k, k) in place so that it gives the free rates and the momenta of the given ones.
+
+    It is then multiplied by the momenta of the free rates and the given rates, in their order.
+    """
+    k = len(matrix)
     for i in range(k):
-        if 2 < i < joined:  # the rotor of a geared motor has inertia for its own joint only
-            matrix[i, i] += bodies[i - 2][_ARMATURE]
-        for j in range(i):
-            matrix[j, i] = matrix[i, j]
+        if not given[i]:
+            per_pivot = 1 / matrix[i, i]
+            matrix[i, i] = -1.0
+            for j in range(k):
+                if j != i:
+                    factor = matrix[j, i] * per_pivot
+                    matrix[j, i] = 0.0
+                    for l in range(k):
+                        matrix[j, l] -= factor * matrix[i, l]
+            for l in range(k):
+                matrix[i, l] *= -per_pivot
 
 
-def move(columns: _Numbers, u: _Numbers, moving: _Numbers) -> None:
-    """Write the velocities in moving (b, MOVING, ...) for u (3 + h, ...)."""
-    for b in range(len(columns)):
-        turning, velocity = scale(0.0, vector(u, 0)), scale(0.0, vector(u, 0))
-        for k in range(columns.shape[1]):
-            turning = add(turning, scale(u[k], vector(columns[b, k], _TURN)))
-            velocity = add(velocity, scale(u[k], vector(columns[b, k], _MOVE)))
+def of_shell(u: _Numbers, axes: Matrix, root: int) -> tuple[Vector, Vector]:
+    """Return the shell's ω and slip velocity of u; root: 3, or 5 with slip."""
+    slip = scale(0.0, axes[0])
+    if root > 3:
+        slip = add(scale(u[3], axes[0]), scale(u[4], axes[1]))
+    return add(add(scale(u[0], axes[0]), scale(u[1], axes[1])), scale(u[2], axes[2])), slip
+
+
+def solve(
+    pose: Pose, axes: Matrix, given: _Numbers, free: _Numbers, matrix: _Numbers, right: _Numbers,
+    u: _Numbers, moving: _Numbers,
+) -> None:  # fmt: skip
+    """Solve 𝓜u = right for the rates of u (k + h,) that are not given, after `articulate`.
+
+    Writes the right sides (k + h,) of the given rates, and rates and sums of its own into `moving`.
+    """
+    bodies, placed, root = pose.bodies, pose.placed, len(matrix)
+    moving[:, _SUM:] = 0.0
+    # The force of each joint on its parent with the parent at rest, and its moment.
+    for b in range(len(bodies) - 1, 0, -1):
+        i, p, own, row = root + b - 1, int(bodies[b][_PARENT]), free[b], placed[b]
+        force, torque = vector(moving[b], _SUM), vector(moving[b], _MOMENT)
+        against = dot(vector(row, _TURN), torque) + dot(vector(row, _SLIDE), force)
+        if given[i]:
+            right[i] = against
+        else:
+            u[i] = (right[i] - against) / own[_ALONG]
+        force = add(force, scale(u[i], vector(own, _FORCE)))
+        arm = _arm(pose, b)
+        torque = add(add(torque, scale(u[i], vector(own, _TORQUE))), cross(arm, force))
+        _increase(moving[p], _SUM, force)
+        _increase(moving[p], _MOMENT, torque)
+    force = vector(moving[0], _SUM)
+    torque = add(vector(moving[0], _MOMENT), cross(pose.lift, force))
+    for i in range(root):
+        moving[0, _SUM + i] = dot(axes[i], torque) if i < 3 else dot(axes[i - 3], force)
+    for i in range(root):
+        total = 0.0
+        for j in range(root):
+            total += matrix[i, j] * (u[j] if given[j] else right[j] - moving[0, _SUM + j])
+        if given[i]:
+            right[i] = total + moving[0, _SUM + i]
+        else:
+            u[i] = total
+    turning, slip = of_shell(u, axes, root)
+    put(moving[0], _TURNING_RATE, turning)
+    put(moving[0], _ACCELERATION, add(slip, cross(turning, pose.lift)))
+    for b in range(1, len(bodies)):
+        i, p, own, row = root + b - 1, int(bodies[b][_PARENT]), free[b], placed[b]
+        turning = vector(moving[p], _TURNING_RATE)
+        velocity = add(vector(moving[p], _ACCELERATION), cross(turning, _arm(pose, b)))
+        carried = dot(vector(own, _TORQUE), turning) + dot(vector(own, _FORCE), velocity)
+        if given[i]:
+            right[i] += carried + own[_ALONG] * u[i]
+        else:
+            u[i] -= carried / own[_ALONG]
+        put(moving[b], _TURNING_RATE, add(turning, scale(u[i], vector(row, _TURN))))
+        put(moving[b], _ACCELERATION, add(velocity, scale(u[i], vector(row, _SLIDE))))
+
+
+def _along(row: _Numbers, force: Vector, torque: Vector) -> Scalar:
+    """Return the part along a body's joint of a force with a moment about the sphere's centre."""
+    around = subtract(torque, cross(vector(row, _AT), force))
+    return dot(vector(row, _TURN), around) + dot(vector(row, _SLIDE), force)
+
+
+def _at_pivot(pose: Pose, moving: _Numbers, b: int, p: int) -> Vector:
+    """Return the velocity of the point of body b's parent p at the pivot of b."""
+    arm = subtract(vector(pose.placed[b], _AT), vector(pose.placed[p], _FROM_CENTRE))
+    return add(vector(moving[p], _VELOCITY), cross(vector(moving[p], TURNING), arm))
+
+
+def _hand_on(moving: _Numbers, b: int, p: int) -> None:
+    """Add the sums over the composite of body b to those of its parent p."""
+    _increase(moving[p], _SUM, vector(moving[b], _SUM))
+    _increase(moving[p], _MOMENT, vector(moving[b], _MOMENT))
+
+
+def move(pose: Pose, shell: Vector, slip: Vector, rates: _Numbers, moving: _Numbers) -> None:
+    """Write the velocities in moving (b, MOVING, ...) for ω_s, slip and the joints' rates (h, ...).
+
+    slip: velocity of the shell's point at the contact [m/s].
+    """
+    bodies, placed = pose.bodies, pose.placed
+    arm = add(vector(placed[0], _FROM_CENTRE), pose.lift)
+    put(moving[0], TURNING, shell)
+    put(moving[0], _VELOCITY, add(cross(shell, arm), slip))
+    for b in range(1, len(bodies)):
+        p, row = int(bodies[b][_PARENT]), placed[b]
+        turning = add(vector(moving[p], TURNING), scale(rates[b - 1], vector(row, _TURN)))
+        slide = scale(rates[b - 1], vector(row, _SLIDE))
+        velocity = add(_at_pivot(pose, moving, b, p), slide)
+        rho = subtract(vector(row, _FROM_CENTRE), vector(row, _AT))
         put(moving[b], TURNING, turning)
-        put(moving[b], _VELOCITY, velocity)
+        put(moving[b], _VELOCITY, add(velocity, cross(turning, rho)))
 
 
-def momentum_rates(
-    bodies: _Numbers,
-    placed: _Numbers,
-    moving: _Numbers,
-    radius: float,
-    gamma: Vector,
-    gravity: Vector,
-    slip: Vector,
-    rates: _Numbers,
-) -> None:
-    """Write the rates of (L, h) in space (3 + h, ...), without the torques of motors and plane.
-
-    slip: velocity of the shell's point at the contact [m/s], v = aω×γ + slip: velocity of the
-    contact point. L̇ = Σ m v_b×v + m(r_b + aγ)×G; along a hinge of the parent's ω, whose pivot has
-    the velocity w, ḣ = Σ (ω×n, J_bω_b + ρ×m v_b) + (n, m v_b×w + mρ×G); along a slide
-    ḣ = Σ m(ω×n, v_b) + m(n, G).
-    The sum for a joint is over the bodies that it moves.
-    """
-    v = add(scale(radius, cross(vector(moving[0], TURNING), gamma)), slip)
-    L_rate = scale(0.0, gamma)
-    rates[:] = 0.0
+def momenta(pose: Pose, moving: _Numbers, rates: _Numbers, along: _Numbers) -> Vector:
+    """Return L and write h (h, ...) for the rates of joints, and the sums in `moving`."""
+    bodies, placed = pose.bodies, pose.placed
     for b in range(len(bodies)):
-        row, m = placed[b], bodies[b][_MASS]
-        r, v_b = vector(row, _FROM_CENTRE), vector(moving[b], _VELOCITY)
-        weight, push = scale(m, gravity), scale(m, v_b)
-        around = cross(add(r, scale(radius, gamma)), weight)
-        L_rate = add(L_rate, add(cross(push, v), around))
-        spin = _applied(row, _TENSOR, vector(moving[b], TURNING))
-        j = b
-        while j > 0:
-            p = int(bodies[j][_PARENT])
-            n, omega = vector(placed[j], _ALONG), vector(moving[p], TURNING)
-            n_rate = cross(omega, n)
-            if bodies[j][_SLIDES] == 0:
-                pivot = vector(placed[j], _AT)
-                arm = subtract(pivot, vector(placed[p], _FROM_CENTRE))
-                of_pivot = add(vector(moving[p], _VELOCITY), cross(omega, arm))
-                rho = subtract(r, pivot)
-                rates[2 + j] += dot(n_rate, add(spin, cross(rho, push)))
-                rates[2 + j] += dot(n, add(cross(push, of_pivot), cross(rho, weight)))
-            else:
-                rates[2 + j] += dot(n_rate, push) + dot(n, weight)
-            j = p
-    put(rates, 0, L_rate)
+        push = scale(bodies[b][_MASS], vector(moving[b], _VELOCITY))
+        spin = _applied(placed[b], _TENSOR, vector(moving[b], TURNING))
+        put(moving[b], _SUM, push)
+        put(moving[b], _MOMENT, add(spin, cross(vector(placed[b], _FROM_CENTRE), push)))
+    for b in range(len(bodies) - 1, 0, -1):
+        along[b - 1] = _along(placed[b], vector(moving[b], _SUM), vector(moving[b], _MOMENT))
+        along[b - 1] += bodies[b][_ARMATURE] * rates[b - 1]
+        _hand_on(moving, b, int(bodies[b][_PARENT]))
+    return add(vector(moving[0], _MOMENT), cross(pose.lift, vector(moving[0], _SUM)))
 
 
-def bias(
-    bodies: _Numbers,
-    placed: _Numbers,
-    columns: _Numbers,
-    moving: _Numbers,
-    radius: float,
-    gamma: Vector,
-    gravity: Vector,
-    u: _Numbers,
-    torques: _Numbers,
-) -> Vector:
-    """Write the torques that keep u constant (3 + h, ...), from Newton and Euler.
+def momentum_rates(pose: Pose, moving: _Numbers, slip: Vector, rates: _Numbers) -> Vector:
+    """Return L̇ and write ḣ (h, ...) in space after `momenta`, without weight, motors and plane.
 
-    torques (3 + h, ...): of the plane about the contact point, then of the motors (forces for
-    slides). Returns the plane's force [N]. For du/dt ≠ 0, 𝓜 du/dt is added to the torques, and
-    `push` of du/dt to the force. The accelerations are written into `moving`.
+    slip: as in `move`; v = aω×γ + slip: velocity of the contact point. L̇ = P×v, with the momentum P
+    of all bodies. With the momentum p of a joint's composite and its angular momentum l about the
+    pivot, the parent's ω, and the velocity w of the pivot: along a hinge ḣ = (ω×n, l) + (n, p×w),
+    along a slide ḣ = (ω×n, p).
     """
-    force = scale(0.0, gamma)
-    torques[:] = 0.0
+    for b in range(1, len(pose.bodies)):
+        p, row = int(pose.bodies[b][_PARENT]), pose.placed[b]
+        omega, push = vector(moving[p], TURNING), vector(moving[b], _SUM)
+        turn, around = vector(row, _TURN), cross(push, _at_pivot(pose, moving, b, p))
+        spin = subtract(vector(moving[b], _MOMENT), cross(vector(row, _AT), push))
+        rates[b - 1] = dot(cross(omega, turn), spin) + dot(turn, around)
+        rates[b - 1] += dot(cross(omega, vector(row, _SLIDE)), push)
+    v = add(cross(vector(moving[0], TURNING), pose.lift), slip)
+    return cross(vector(moving[0], _SUM), v)
+
+
+def weigh(pose: Pose, gravity: Vector, torques: _Numbers) -> tuple[Vector, Vector]:
+    """Return the weight and its torque about the contact point; write those of joints (h, ...)."""
+    for b in range(1, len(pose.bodies)):
+        torques[b - 1] = dot(vector(pose.placed[b], _PUSH), gravity)
+    weight = scale(pose.bodies[0][WHOLE], gravity)
+    return weight, cross(add(vector(pose.placed[0], _MIDDLE), pose.lift), weight)
+
+
+def bias(pose: Pose, moving: _Numbers, rates: _Numbers, torques: _Numbers) -> tuple[Vector, Vector]:
+    """Return the force [N] and torque that keep u constant without gravity, from Newton and Euler.
+
+    The torque is about the contact point. Writes the torques (h, ...) of joints (forces for
+    slides). For du/dt ≠ 0, 𝓜 du/dt is added to the torques, and `push` of du/dt to the force.
+    """
+    bodies, placed = pose.bodies, pose.placed
     for b in range(len(bodies)):
         row, m = placed[b], bodies[b][_MASS]
         turning, r = vector(moving[b], TURNING), vector(row, _FROM_CENTRE)
         # The velocities of the sphere's centre and of the shell are constant.
-        rate = scale(0.0, gamma)
+        rate = scale(0.0, r)
         acceleration = rate
         rho = r
         if b > 0:
             p = int(bodies[b][_PARENT])
-            n, omega = vector(placed[b], _ALONG), vector(moving[p], TURNING)
-            pivot = vector(row, _AT)
+            omega, pivot = vector(moving[p], TURNING), vector(row, _AT)
             arm = subtract(pivot, vector(placed[p], _FROM_CENTRE))
             rate = vector(moving[p], _TURNING_RATE)
             acceleration = add(vector(moving[p], _ACCELERATION), _acceleration(rate, omega, arm))
             # n has the rate ω×n in space: a hinge gets q̇ω×n, a slide 2q̇ω×n.
-            carried = scale(u[2 + b], cross(omega, n))
-            if bodies[b][_SLIDES] == 0:
-                rate = add(rate, carried)
-            else:
-                acceleration = add(acceleration, scale(2.0, carried))
+            rate = add(rate, scale(rates[b - 1], cross(omega, vector(row, _TURN))))
+            slide = cross(omega, vector(row, _SLIDE))
+            acceleration = add(acceleration, scale(2.0 * rates[b - 1], slide))
             rho = subtract(r, pivot)
         acceleration = add(acceleration, _acceleration(rate, turning, rho))
         put(moving[b], _TURNING_RATE, rate)
         put(moving[b], _ACCELERATION, acceleration)
-        f = scale(m, subtract(acceleration, gravity))
+        f = scale(m, acceleration)
         spin = cross(turning, _applied(row, _TENSOR, turning))
         torque = add(_applied(row, _TENSOR, rate), spin)
-        force = add(force, f)
-        for k in range(columns.shape[1]):
-            column = columns[b, k]
-            torques[k] += dot(vector(column, _TURN), torque) + dot(vector(column, _MOVE), f)
-    return force
+        put(moving[b], _SUM, f)
+        put(moving[b], _MOMENT, add(torque, cross(r, f)))
+    for b in range(len(bodies) - 1, 0, -1):
+        torques[b - 1] = _along(placed[b], vector(moving[b], _SUM), vector(moving[b], _MOMENT))
+        _hand_on(moving, b, int(bodies[b][_PARENT]))
+    force = vector(moving[0], _SUM)
+    return force, add(vector(moving[0], _MOMENT), cross(pose.lift, force))
 
 
-def push(bodies: _Numbers, columns: _Numbers, u: _Numbers) -> Vector:
-    """Return the momentum Σ m v_b for u (3 + h, ...), or its rate for du/dt."""
-    total = scale(0.0, vector(u, 0))
-    for b in range(len(bodies)):
-        for k in range(columns.shape[1]):
-            total = add(total, scale(bodies[b][_MASS] * u[k], vector(columns[b, k], _MOVE)))
+def push(pose: Pose, axes: Matrix, u: _Numbers) -> Vector:
+    """Return the momentum Σ m v_b for u, or its rate for du/dt."""
+    root, arm = len(u) - len(pose.bodies) + 1, add(vector(pose.placed[0], _MIDDLE), pose.lift)
+    shell, slip = of_shell(u, axes, root)
+    total = scale(pose.bodies[0][WHOLE], add(cross(shell, arm), slip))
+    for b in range(1, len(pose.bodies)):
+        total = add(total, scale(u[root + b - 1], vector(pose.placed[b], _PUSH)))
     return total
 
 
 def _acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
     """Return the acceleration of a point r of a turning body, relative to its origin."""
     return add(cross(rate, r), cross(turning, cross(turning, r)))
-
-
-def eliminate(matrix: _Numbers, given: _Numbers) -> None:
-    """Bring 𝓜 (k, k, ...), without the rows and columns of given rates (k,), to triangular form.
-
-    Gaussian elimination in place, with the factors in the lower triangle. 𝓜 is positive definite
-    and the remainder of its border negative definite, so rows need not be exchanged.
-    """
-    k = len(matrix)
-    for i in range(k):
-        for j in range(i + 1, k):
-            # Rows and columns of given rates are skipped: removing them would allocate arrays at
-            # every evaluation of compiled code.
-            if not (given[i] or given[j]):
-                matrix[j, i] /= matrix[i, i]
-                for l in range(i + 1, k):
-                    matrix[j, l] -= matrix[j, i] * matrix[i, l]
-
-
-def constrain(matrix: _Numbers, directions: tuple[Vector, ...]) -> None:
-    """Border 𝓜, at the end of a larger matrix, with directions D_k without shell rotation.
-
-    The additional unknowns are Lagrange multipliers, the torques along D_k with the opposite sign;
-    the additional rows are (D_k, ω_s) = 0. If the right side has momenta, the multipliers are the
-    components of L along D_k, which M lacks.
-    """
-    first = len(matrix) - len(directions)
-    for c in range(len(directions)):
-        for i in range(3):
-            matrix[first + c, i] = matrix[i, first + c] = directions[c][i]
-
-
-def solve(matrix: _Numbers, given: _Numbers, right: _Numbers, u: _Numbers) -> None:
-    """Solve 𝓜u = right for the rates of u (k, ...) that are not given (k,); the others stay.
-
-    matrix: the result of `eliminate`, in which rows of given rates are unchanged.
-    """
-    k = len(matrix)
-    for i in range(k):
-        if not given[i]:
-            u[i] = right[i]
-            for j in range(k):
-                if given[j]:
-                    u[i] -= matrix[j, i] * u[j]
-    for i in range(k):
-        for j in range(i + 1, k):
-            if not (given[i] or given[j]):
-                u[j] -= matrix[j, i] * u[i]
-    for i in range(k - 1, -1, -1):
-        if not given[i]:
-            for j in range(i + 1, k):
-                if not given[j]:
-                    u[i] -= matrix[i, j] * u[j]
-            u[i] = u[i] / matrix[i, i]
 
 
 @dataclass(frozen=True)
@@ -386,16 +479,22 @@ class Robot:
 
     @property
     def mass(self) -> float:
-        return float(self.bodies[:, _MASS].sum())
+        return float(self.bodies[0, WHOLE])
 
     def states(self, gamma: Array, angles: Array, omega: Array, rates: Array) -> "States":
         """Return the robot in n states of motion."""
-        placed = self.placed(angles)
-        columns = self.columns(placed, gamma)
-        u = np.concatenate([omega.T - self._carried(columns, rates), rates.T])
-        moving = np.empty((len(self.bodies), MOVING, len(gamma)))
-        move(columns, u, moving)
-        return States(self, gamma.T, placed, columns, u, moving)
+        pose = self.pose(gamma, angles)
+        return self.moving(pose, np.concatenate([(omega - self._carried(pose, rates)).T, rates.T]))
+
+    def pose(self, gamma: Array, angles: Array) -> Pose:
+        """Return the robot at joint angles, in the carrier's axes."""
+        return Pose(self.bodies, self.placed(angles), tuple(self.radius * gamma.T))
+
+    def moving(self, pose: Pose, u: Array) -> "States":
+        """Return the robot in n states with u (3 + h, n)."""
+        moving = np.empty((len(self.bodies), MOVING, u.shape[1]))
+        move(pose, tuple(u[:3]), _STILL, u[3:], moving)
+        return States(self, pose, u, moving)
 
     def placed(self, angles: Array) -> Array:
         """Return the placed bodies (b, PLACED, n) at angles (n, h), in the carrier's axes."""
@@ -410,40 +509,39 @@ class Robot:
         carrier's axes.
         """
         placed = self.placed(angles)
-        turned = placed[:, _ROTATION:].transpose(0, 2, 1).reshape(*placed[:, 0].shape, 3, 3)
+        turned = placed[:, _ROTATION:_TURN].transpose(0, 2, 1)
+        turned = turned.reshape(*turned.shape[:2], 3, 3)
         pivots, at = self.bodies[:, _PIVOT:_INERTIA], placed[:, _AT:_ROTATION]
         return turned, at.transpose(0, 2, 1) - np.einsum("bnij,bj->bni", turned, pivots)
 
-    def columns(self, placed: Array, gamma: Array) -> Array:
-        """Return the bodies' columns (b, 3 + h, COLUMN, n) of placed bodies."""
-        columns = np.empty((len(self.bodies), 3 + self.hinges, COLUMN, len(gamma)))
-        partial_velocities(self.bodies, placed, self.radius, tuple(gamma.T), columns)
-        return columns
+    def matrix(self, pose: Pose) -> Array:
+        """Return 𝓜 (3 + h, 3 + h, n), with L in the carrier's axes."""
+        k, n = 3 + self.hinges, pose.placed.shape[2]
+        lift = tuple(np.tile(pose.lift, k))
+        tiled = Pose(self.bodies, np.tile(pose.placed, k), lift)
+        return self.moving(tiled, np.repeat(np.eye(k), n, axis=1)).momenta.reshape(k, k, n)
 
-    def _carried(self, columns: Array, rates: Array) -> Array:
-        """Return the carrier's angular velocity relative to the shell (3, n)."""
-        turns = columns[self.carrier, 3:, _TURN:_MOVE]
-        return np.asarray(np.einsum("hin,nh->in", turns, rates))
+    def _carried(self, pose: Pose, rates: Array) -> Array:
+        """Return the carrier's angular velocity relative to the shell (n, 3)."""
+        carried, b = np.zeros((len(rates), 3)), self.carrier
+        while b > 0:
+            carried += (pose.placed[b, _TURN:_SLIDE] * rates[:, b - 1]).T
+            b = int(self.bodies[b, _PARENT])
+        return carried
 
     def angular_velocity(
         self, gamma: Array, angles: Array, M: Array, rates: Array, rolling: Rolling
     ) -> Array:
         """Return ω (n, 3) of the carrier from the momentum M (n, 3), both in its axes."""
-        k = 3 + self.hinges
-        given = np.arange(k + 1) > 2
-        given[k] = rolling != "rubber"
-        placed = self.placed(angles)
-        columns = self.columns(placed, gamma)
-        matrix = np.empty((k + 1, k + 1, len(gamma)))
-        right, u = np.zeros((2, k + 1, len(gamma)))
-        mass_matrix(self.bodies, placed, columns, matrix)
-        constrain(matrix, (tuple(gamma.T),))
-        eliminate(matrix, given)
-        # M is γ×L in the rubber model, so L is M×γ plus a part along γ, the multiplier.
-        right[:3] = (np.cross(M, gamma) if rolling == "rubber" else M).T
-        u[3:k] = rates.T
-        solve(matrix, given, right, u)
-        return (u[:3] + self._carried(columns, rates)).T
+        pose, rubber = self.pose(gamma, angles), rolling == "rubber"
+        matrix = self.matrix(pose).transpose(2, 0, 1)
+        # M is γ×L in the rubber model, so L is M×γ plus a part along γ, which is unknown.
+        left, right = np.zeros((len(gamma), 4, 4)), np.zeros((len(gamma), 4, 1))
+        left[:, :3, :3], left[:, 3, 3] = matrix[:, :3, :3], not rubber
+        left[:, 3, :3] = left[:, :3, 3] = gamma * rubber
+        right[:, :3, 0] = np.cross(M, gamma) if rubber else M
+        right[:, :3] -= matrix[:, :3, 3:] @ rates[:, :, None]
+        return np.asarray(np.linalg.solve(left, right)[:, :3, 0] + self._carried(pose, rates))
 
 
 def robot_of(ball: Ball) -> Robot:
@@ -457,6 +555,12 @@ def robot_of(ball: Ball) -> Robot:
     rows[1:, _PARENT] = [names.index(link.parent) for link in ball.tree[1:]]
     motors = [hinge.motor for hinge in ball.hinges]
     rows[1:, _ARMATURE] = [motor.armature if motor else 0.0 for motor in motors]
+    rows[:, WHOLE] = rows[:, _MASS]
+    for row in rows[:0:-1]:
+        parent = rows[int(row[_PARENT])]
+        both = parent[WHOLE] + row[WHOLE]
+        row[_PART] = row[WHOLE] / both if both else 0.0  # links may be massless
+        parent[WHOLE] = both
     return Robot(rows, ball.radius, carrier=int(ball.has_frame))
 
 
@@ -464,28 +568,37 @@ def robot_of(ball: Ball) -> Robot:
 class States:
     """n states of a robot in motion; the last index of an array is the state.
 
-    gamma (3, n), placed (b, PLACED, n), columns (b, 3 + h, COLUMN, n), u (3 + h, n), moving
-    (b, MOVING, n) without its accelerations.
+    placed (b, PLACED, n) in the pose, u (3 + h, n), moving (b, MOVING, n) with its velocities.
     """
 
     robot: Robot
-    gamma: Array
-    placed: Array
-    columns: Array
+    pose: Pose
     u: Array
     moving: Array
+
+    @property
+    def gamma(self) -> Array:
+        """γ (3, n)."""
+        return np.array(self.pose.lift) / self.robot.radius
 
     @cached_property
     def matrix(self) -> Array:
         """𝓜 (3 + h, 3 + h, n)."""
-        matrix = np.empty((len(self.u), *self.u.shape))
-        mass_matrix(self.robot.bodies, self.placed, self.columns, matrix)
-        return matrix
+        return self.robot.matrix(self.pose)
+
+    def torque(self, gravity: Array) -> Array:
+        """Return the rate of L in space (3, n) under gravity (3, n), without the plane's torque."""
+        unused = np.empty_like(self.u[3:])
+        momenta(self.pose, self.moving, self.u[3:], unused)
+        rate = momentum_rates(self.pose, self.moving, _STILL, unused)
+        return np.array(add(rate, weigh(self.pose, tuple(gravity), unused)[1]))
 
     @cached_property
     def momenta(self) -> Array:
         """(L, h) (3 + h, n): about the contact point, in frame axes, and along the hinges."""
-        return np.asarray((self.matrix * self.u).sum(axis=1))
+        along = np.empty_like(self.u[3:])
+        L = momenta(self.pose, self.moving, self.u[3:], along)
+        return np.concatenate([L, along])
 
     def momentum(self, rolling: Rolling) -> Array:
         """Return M (n, 3) in frame axes: γ×L in the rubber model, L in the classical one."""
@@ -495,14 +608,15 @@ class States:
     @cached_property
     def pushes(self) -> Array:
         """Σ m ∂v_b/∂u_k (3, 3 + h, n): the momentum that each unit rate gives the robot."""
-        moves = self.columns[:, :, _MOVE:]
-        return np.asarray(np.einsum("b,bkin->ikn", self.robot.bodies[:, _MASS], moves))
+        arm = self.centre_of_mass.T + self.pose.lift
+        of_shell = self.robot.mass * np.cross(np.eye(3)[:, :, None], arm[None], axis=1)
+        of_joints = self.pose.placed[1:, _PUSH:_MIDDLE]
+        return np.concatenate([of_shell, of_joints]).transpose(1, 0, 2)
 
     @property
     def centre_of_mass(self) -> Array:
         """The centre of mass (n, 3) from the centre of the sphere, frame axes [m]."""
-        masses = self.robot.bodies[:, _MASS]
-        return np.asarray(np.einsum("b,bin->ni", masses, self.placed[:, :3])) / self.robot.mass
+        return np.asarray(self.pose.placed[0, _MIDDLE:].T)
 
     @property
     def turning(self) -> Array:

@@ -230,8 +230,7 @@ def _write_momenta(
     L = to_world @ momenta[:3]
     keeps = scene.rolling == "rubber" and not system.spins
     state[MOMENTUM : MOMENTUM + 3] = across(L) if keeps else L
-    free = ~system.machine.given[3 : 3 + count]
-    state[HINGES + count : HINGES + 2 * count] = np.where(free, momenta[3:], 0.0)
+    state[HINGES + count : HINGES + 2 * count] = np.where(system.free, momenta[3:], 0.0)
     if system.slips:
         state[HINGES + 3 * count : HINGES + 3 * count + 2] = to_world[:2] @ P
 

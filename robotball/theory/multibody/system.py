@@ -38,7 +38,6 @@ class System:
         first, self.scenes = scenes[0], scenes
         hinges, robot = first.hinges, first.robot
         self.scene, self.count = first, len(hinges)
-        given = np.array([False] * 3 + [hinge.motor is None for hinge in hinges] + [True] * 3)
         motors = np.stack([_laws_of(scene) for scene in scenes])
         limits = np.stack([scene.slip_limits for scene in scenes])
         self.friction = limits[0]
@@ -46,6 +45,7 @@ class System:
         self.all_weights = np.where(np.isfinite(limits), limits, 0.0)[:, None]
         self.weights = self.all_weights[0, 0]
         self.slips = first.contact_moves  # the state has the momentum along slip
+        self.free = np.array([hinge.motor is not None for hinge in hinges], dtype=bool)
         moves = not first.plane_is_still
         self.slip_events: list[tuple[float, bool]] = []  # time [s], and whether slip begins there
         self.size = HINGES + 3 * self.count + 3 * self.slips + moves
@@ -63,7 +63,7 @@ class System:
             robot.carrier,
             motors,
             np.stack([_gears_of(scene) for scene in scenes]),
-            given,
+            np.append(np.zeros(3 + 2 * self.slips, dtype=bool), ~self.free),
             first.rolling == "rubber",
             np.array([float(scene.friction.rolling) for scene in scenes]),
             limits[:, 1:].copy(),
@@ -121,7 +121,7 @@ class System:
         state, start = np.zeros(self.size), scene.start
         state[:4], state[MOMENTUM : MOMENTUM + 3] = start.attitude, start.momentum
         state[HINGES : HINGES + self.count] = scene.hinged[0, 0]
-        if not self.machine.given[3 : 3 + self.count].all():
+        if self.free.any():
             one = scene.states_of(scene.angular_velocity_at(start))
             state[HINGES + self.count : HINGES + 2 * self.count] = one.momenta[3:, 0]
         return state

@@ -186,9 +186,10 @@ def test_hinge_rates_give_the_momentum_and_roll_the_shell_as_wanted(
     y[:4] /= np.linalg.norm(y[:4], axis=0)
     y[6] *= rolling == "classical"
     moves = way.motion(times, y)
-    shell, rates = moves.u[:3].T, moves.u[3:].T
+    gamma, u = moves.states.gamma.T, moves.states.u
+    shell, rates = u[:3].T, u[3:].T
     omega = shell + np.outer(rates[:, 0], scene.ball.shell.axis)
-    states = scene.robot.states(moves.gamma, y[7:].T, omega, rates)
+    states = scene.robot.states(gamma, y[7:].T, omega, rates)
     M = np.einsum("nij,nj->ni", moves.axes, states.momentum(rolling))
     assert np.abs(M - y[4:7].T).max() < 1e-13
     turning = np.einsum("nij,nj->ni", moves.axes, shell)
@@ -200,7 +201,7 @@ def test_hinge_rates_give_the_momentum_and_roll_the_shell_as_wanted(
     for j, alone in enumerate(np.eye(len(scene.hinges))):
         turned = np.tile(alone, (20, 1))
         omega = np.outer(turned[:, 0], scene.ball.shell.axis)
-        states = scene.robot.states(moves.gamma, y[7:].T, omega, turned)
+        states = scene.robot.states(gamma, y[7:].T, omega, turned)
         J[:, j], of_M[:, j] = 2 * kinetic_energy(states), states.momentum(rolling)
     multipliers = np.linalg.pinv(of_M) @ (J * rates)[:, :, None]
     assert np.abs(of_M @ multipliers - (J * rates)[:, :, None]).max() < 1e-11

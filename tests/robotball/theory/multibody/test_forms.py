@@ -66,8 +66,9 @@ def test_random_robots_obey_the_newton_euler_equations() -> None:
 def test_trees_of_depth_three_obey_the_newton_euler_equations(framed: bool) -> None:
     """Hinges, a slide, an asymmetric shell, an actuator on two joints, a limit, dry friction.
 
-    Measured 1.4e-15 at the start, then 2.1e-12, or 8.8e-12 on another processor: growing rounding.
-    A hinge in place of the slide differs.
+    Measured 2e-15 at the start, then 2.9e-11 rad/s. Dry friction magnifies rounding: of 150 starts
+    that differ by roundings the median is 8e-13, and the largest 8e-11. A hinge in place of the
+    slide differs.
     """
     rng = np.random.default_rng(3)
     for _ in range(3):
@@ -78,7 +79,7 @@ def test_trees_of_depth_three_obey_the_newton_euler_equations(framed: bool) -> N
         scene = scene.with_hinges(motor={scene.hinges[-1].name: dry})
         start, end = off_by(SecondForm(scene), scene)
         assert start < 5e-15
-        assert end < 1e-11
+        assert end < 3e-10
     links = {link.name: replace(link, slides=False) for link in scene.ball.links}
     turned = scene.with_hinges(body=links)
     assert min(off_by(SecondForm(turned), scene)) > 1e-3

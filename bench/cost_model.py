@@ -1,7 +1,7 @@
 """Measure the cost model that chooses settings for a requested accuracy.
 
-Runs every scene of the catalog and random balls with RK4 at many steps and with adaptive steps at
-many tolerances, and prints the fitted coefficients beside the current ones. A second table
+Runs every scene of the catalog and random balls with RK4 and with order 8 at many
+steps, and prints the fitted coefficients beside the current ones. A second table
 compares, for four accuracies, the time of the chosen settings with the fastest of these runs;
 `bench.estimates` measures whether the accuracies are reached.
 """
@@ -19,10 +19,10 @@ from rich.table import Table
 from robotball import Motion, Scene, SceneWarning, Settings, catalog, integrate, load_scene
 from robotball.engines.engine import as_own, simulate
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
+from robotball.engines.mujoco.accuracy import RK4_EVALUATIONS, scene_rate
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import ADAPTIVE, recipe
+from robotball.engines.mujoco.settings import ORDER_8, recipe
 from robotball.engines.mujoco.special_limits import COST_MODEL
 from robotball.rotations import Array
 from tests.random_balls import ball_of_points
@@ -33,12 +33,12 @@ from validation.sweeps import Cell, sweep
 _BALLS = 30
 _TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
 _STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35)  # RK4 steps per sample interval
-_RTOLS = tuple(10 ** (-half / 2) for half in range(14, 27))  # half a decade apart
+_STEPS_8 = tuple(0.1 / 2 ** (k / 4) for k in range(13))  # s, of order 8
 _ENOUGH = 3e-11  # path error at which a search stops: finer runs are the best for no target
 _Record = Mapping[str, Any]
 _WIDTH = 130  # characters, for the table of cases
 _STYLE: dict[str, Any] = {"title_justify": "left", "padding": (0, 1), "show_edge": True}
-_ROUNDING = 1e-11  # path errors below this no longer follow the order
+_ROUNDING, _COARSE = 1e-11, 1e-6  # path errors between these follow the order
 
 
 def _cells() -> list[Cell]:
@@ -56,7 +56,7 @@ def _measure(cell: Cell) -> Mapping[str, Any]:
         theory = integrate(scene)
         interval = float(theory.times[1])
         rk4 = (recipe("", 1.0, timestep=interval / n) for n in _STEPS)
-        adaptive = (recipe("", 1.0, integrator=ADAPTIVE, rtol=rtol) for rtol in _RTOLS)
+        order_8 = (recipe("", 1.0, integrator=ORDER_8, timestep=step) for step in _STEPS_8)
         return {
             "scene": scene.name,
             "steady": scene.steady,
@@ -68,9 +68,9 @@ def _measure(cell: Cell) -> Mapping[str, Any]:
             # Between the families, so that drifting timings affect both alike.
             "cases": [_case(scene, theory, target) for target in _TARGETS],
             # A servo's stiffness would limit the steps, not the error.
-            "adaptive": []
+            "order_8": []
             if any(hinge.motor for hinge in scene.hinges)
-            else _search(scene, theory, adaptive),
+            else _search(scene, theory, order_8),
         }
 
 
@@ -89,7 +89,7 @@ def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
     agreement = Agreement(theory, run(build(scene, settings), theory.times))
     diagnostics = agreement.report
     return {
-        "size": settings.rtol if settings.adaptive else settings.timestep,
+        "size": agreement.report.timestep,
         "error": known(agreement.path_error),
         "drift": known(agreement.momentum_error),
         "sound": not agreement.faults,
@@ -103,7 +103,7 @@ def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
     report = simulate(scene, theory.times, accuracy=target).report
     return {
         "target": target,
-        "adaptive": as_own(report.settings, Settings, LABEL).adaptive,
+        "order_8": as_own(report.settings, Settings, LABEL).integrator == ORDER_8,
         "seconds": report.total_seconds,
         "last_seconds": report.seconds,
     }
@@ -111,7 +111,7 @@ def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
 
 def _best_seconds(front: Mapping[str, Any], target: float) -> float:
     """Return the shortest time [s] of a sound run within the target error, or infinity."""
-    runs = [*front["rk4"], *front["adaptive"]]
+    runs = [*front["rk4"], *front["order_8"]]
     return min(
         (
             record["seconds"]
@@ -146,18 +146,16 @@ def _coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
     """Return each field of Front: the measured value and its scatter over scenes.
 
     Orders are low percentiles, so that estimates are rarely too small. Scatter is a factor for
-    gain, density and step, and absolute for the others.
+    gain and step, and absolute for the others.
     """
     records = [record for record in records if not record["motors"]]
     steady = [record for record in records if record["steady"]]
     order = np.array([value for record in records for value in _orders(record)])
-    rtol_order = np.array([value for record in records for value in _rtol_orders(record)])
     stiffness = np.array([_stiffness(record) for record in records])
     gain = np.array([_gain(record) for record in records])
     power, log_gain = np.polyfit(np.log(stiffness), np.log(gain), 1)
-    growth, density = np.array([_density(record) for record in records]).T
     step = np.array([_per_step(record) for record in steady])
-    adaptive_step, sample = np.array([_per_adaptive_step(record) for record in steady]).T
+    order_8_step, sample = np.array([_per_order_8_step(record) for record in steady]).T
     control = [
         (_per_step(record) - np.median(step)) / RK4_EVALUATIONS
         for record in records
@@ -165,13 +163,10 @@ def _coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
     ]
     return {
         "order": (float(np.percentile(order, 3)), float(order.std())),
-        "rtol_order": (float(np.percentile(rtol_order, 10)), float(rtol_order.std())),
         "gain": (float(np.exp(log_gain)), _factor(gain / stiffness**power)),
         "power": (float(power), 0.0),
-        "density": (float(np.median(density)), _factor(density)),
-        "growth": (float(np.median(growth)), float(growth.std())),
         "step": (float(np.median(step)), _factor(step)),
-        "adaptive_step": (float(np.median(adaptive_step)), float(adaptive_step.std())),
+        "order_8_step": (float(np.median(order_8_step)), float(order_8_step.std())),
         "sample": (float(np.median(sample)), float(sample.std())),
         "control": (float(np.median(control)), float(np.std(control))),
     }
@@ -180,17 +175,6 @@ def _coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
 def _orders(record: _Record) -> list[float]:
     first, *others = record["rk4"]
     return [_order(first, run) for run in others if run["error"] > _ROUNDING]
-
-
-def _rtol_orders(record: _Record) -> list[float]:
-    """Return the orders of the error in rtol, for rtols a factor LOOSER apart."""
-    runs = record["adaptive"]
-    apart = round(np.log(LOOSER) / np.log(runs[0]["size"] / runs[1]["size"]))
-    return [
-        _order(loose, tight)
-        for loose, tight in zip(runs, runs[apart:], strict=False)
-        if tight["error"] > _ROUNDING and loose["sound"]
-    ]
 
 
 def _order(coarse: _Record, fine: _Record) -> float:
@@ -204,29 +188,21 @@ def _stiffness(record: _Record) -> float:
 
 
 def _gain(record: _Record) -> float:
-    """Return DOP853's error over rtol (geometric mean), from its drift of M and RK4's ratio."""
-    first = record["rk4"][0]
-    drifts = [
-        run["drift"] / run["size"] for run in record["adaptive"] if 1e-12 < run["size"] < 2e-9
+    """Return the error of order 8 over (rate * step)^8 (geometric mean)."""
+    errors = [
+        run["error"] / (record["rate"] * run["size"]) ** 8
+        for run in record["order_8"]
+        if run["error"] is not None and _ROUNDING < run["error"] < _COARSE
     ]
-    return float(np.exp(np.mean(np.log(drifts)))) * first["error"] / first["drift"]
-
-
-def _density(record: _Record) -> tuple[float, float]:
-    """Return the exponent of step count in 1/rtol, and the steps per radian at rtol 1e-11."""
-    runs = [run for run in record["adaptive"] if run["size"] < 2e-9]
-    sizes, steps = (np.log([run[key] for run in runs]) for key in ("size", "steps"))
-    slope, at_one = np.polyfit(sizes, steps, 1)
-    radians = record["rate"] * record["duration"]
-    return -float(slope), float(np.exp(at_one + slope * np.log(1e-11)) / radians)
+    return float(np.exp(np.mean(np.log(errors))))
 
 
 def _per_step(record: _Record) -> float:
     return float(np.median([run["seconds"] / run["steps"] for run in record["rk4"]]))
 
 
-def _per_adaptive_step(record: _Record) -> Array:
-    runs = record["adaptive"]
+def _per_order_8_step(record: _Record) -> Array:
+    runs = record["order_8"]
     seconds = np.array([run["seconds"] for run in runs])
     counts = np.array([[run["steps"], record["samples"]] for run in runs])
     return np.linalg.lstsq(counts / seconds[:, None], np.ones(len(runs)), rcond=None)[0]
@@ -246,26 +222,26 @@ def _coefficient_table(records: Sequence[_Record]) -> Table:
 
 
 def _case_table(records: Sequence[_Record]) -> Table:
-    """Return a row per accuracy: how often DOP853 was chosen, and the time over the best."""
+    """Return a row per accuracy: how often order 8 was chosen, and the time over the best."""
     headings = (
-        "requested", "cases", "DOP853", "CPU / best\nmedian", "90 %", "largest", "over 2",
+        "requested", "cases", "order 8", "CPU / best\nmedian", "90 %", "largest", "over 2",
         "last run\nmedian", "largest",
     )  # fmt: skip
     table = plain_table(headings, (), title="accuracies requested", **_STYLE)
     for target in (*_TARGETS, None):
         cases = [
-            (case["adaptive"], case["seconds"] / best, case["last_seconds"] / best)
+            (case["order_8"], case["seconds"] / best, case["last_seconds"] / best)
             for record in records
             for case in record["cases"]
             if target in (None, case["target"])
             and np.isfinite(best := _best_seconds(record, case["target"]))
         ]
-        adaptive, whole, last = np.array(cases).T
+        order_8, whole, last = np.array(cases).T
         shares = (np.median(whole), np.percentile(whole, 90), whole.max())
         table.add_row(
             "all" if target is None else f"{target:g}",
             str(len(cases)),
-            f"{adaptive.sum():.0f}",
+            f"{order_8.sum():.0f}",
             *(f"{share:.2f}" for share in shares),
             f"{(whole > 2).sum()}",
             *(f"{share:.2f}" for share in (np.median(last), last.max())),

@@ -82,7 +82,7 @@ Duration = Annotated[float | None, Parameter(help=_DURATION, metavar="SECONDS")]
 Out = Annotated[Path, Parameter(help="Folder for the results.", metavar="DIR")]
 JsonFile = Annotated[Path | None, _file("Also write the results as JSON")]
 CsvFile = Annotated[Path | None, _file("Also write the table as CSV")]
-PresetName = Literal["naive", "fast", "balanced", "accurate", "adaptive"]
+PresetName = Literal["naive", "fast", "balanced", "accurate", "efficient", "exact"]
 # An option takes one value, a list with commas, so that it never takes the scenes that follow.
 Names = Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="NAME,…")]
 Controls = Annotated[tuple[str, ...], Parameter(help=_CONTROL, metavar="NAME=VALUE|FILE")]
@@ -147,7 +147,7 @@ class Run:
 
     preset: Names = ()
     """Settings of the engine, one run for each: naive, fast, balanced (the default), accurate,
-    adaptive. Give several as naive,fast. Other engines have other presets."""
+    efficient, exact. Give several as naive,fast. Other engines have other presets."""
     control: Controls = ()
     controller: Annotated[str | None, Parameter(metavar="FILE.py:NAME")] = None
     """A controller (rb.Controller) in a Python file. The file is run, and the controller commands

@@ -196,7 +196,7 @@ def engine_named(name: str) -> Engine:
     --------
     >>> import robotball as rb
     >>> sorted(rb.engine_named("mujoco").presets)
-    ['accurate', 'adaptive', 'balanced', 'fast', 'naive']
+    ['accurate', 'balanced', 'efficient', 'exact', 'fast', 'naive']
     """
     engine: Engine
     if name in [*OURS]:

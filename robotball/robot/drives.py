@@ -11,7 +11,7 @@ time step in sampling drives.
 """
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -26,6 +26,9 @@ from robotball.rotations import uneven
 _Time = Any  # a float, or a column (n,)
 COMMAND = "of the command"  # unit of a key that has the unit of its command
 _LOOKS = 256  # steps tested over a run, and as many on each side of breakpoints
+Rule = tuple[Sequence[float], Sequence[float]]
+"""The nodes and weights of a quadrature rule, as parts of a step."""
+SIMPSON: Rule = ((0.0, 0.5, 1.0), (1 / 6, 4 / 6, 1 / 6))
 _NO_STEP = 1e-9  # s: a drive that needs shorter steps is not a function of time
 
 
@@ -476,11 +479,13 @@ def turns(drive: Drive) -> bool:
     return drive != Constant(0.0)
 
 
-def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> float:
-    """Return the largest error of a drive's mean over a step, sampled at three instants.
+def sampling_error(
+    drives: Iterable[Drive], stops: Any, timestep: float, rule: Rule = SIMPSON
+) -> float:
+    """Return the largest error of a drive's mean over a step, sampled at a few instants.
 
-    It is the error of Simpson's rule, which RK4 makes, over the drive's largest value. Steps begin
-    at uneven times, because a drive whose period divides the timestep has zero error at some
+    It is the error of a quadrature rule, over the drive's largest value. RK4 makes Simpson's. Steps
+    begin at uneven times, because a drive whose period divides the timestep has zero error at some
     phases. They end on the stops (n,) [s]: 0, breakpoints and the end.
     """
     sides = stops[:: -(-len(stops) // _LOOKS)]
@@ -492,10 +497,10 @@ def sampling_error(drives: Iterable[Drive], stops: Any, timestep: float) -> floa
     begin = np.clip(looks - step / 2, stops[piece], stops[piece] + length - step)
     worst = 0.0
     for drive in (drive for drive in drives if not isinstance(drive, Constant)):
-        instants = [begin + part * step for part in (0.0, 0.5, 1.0)]
+        instants = [begin + part * step for part in rule[0]]
         values = np.array([drive.rate(t) for t in instants])
         angles = np.array([drive.angle(begin), drive.angle(begin + step)])
-        error = np.abs(np.diff(angles, axis=0)[0] - step * (values.T @ [1, 4, 1]) / 6)
+        error = np.abs(np.diff(angles, axis=0)[0] - step * (values.T @ rule[1]))
         error -= 8 * np.finfo(float).eps * np.abs(angles).sum(axis=0)  # rounding errors
         worst = max(worst, float((error / step).max() / (_size(drive, instants) or 1.0)))
     return worst
@@ -511,9 +516,11 @@ def _size(drive: Drive, instants: list[Any]) -> float:
     return max(float(np.abs(drive.rate(t)).max()) for t in instants)
 
 
-def seeing_step(error_of: Callable[[float], float], timestep: float, limit: float) -> float:
+def seeing_step(
+    error_of: Callable[[float], float], timestep: float, limit: float, order: int = 4
+) -> float:
     """Return a timestep [s], at most `timestep`, with a sampling error within a limit."""
     while (error := error_of(timestep)) > limit and timestep > _NO_STEP:
-        # Simpson's rule is of fourth order once a step resolves the drive.
-        timestep *= min(0.9, max(0.1, (limit / error) ** 0.25))
+        # The rule has its order once a step resolves the drive.
+        timestep *= min(0.9, max(0.1, (limit / error) ** (1 / order)))
     return timestep

@@ -23,7 +23,16 @@ from robotball.errors import (
     named,
 )
 from robotball.robot.ball import ROUNDING, Ball, Link, UserValue, Value, cached_array, imbalance
-from robotball.robot.drives import Constant, Drive, Rate, as_drive, sampling_error, turns
+from robotball.robot.drives import (
+    SIMPSON,
+    Constant,
+    Drive,
+    Rate,
+    Rule,
+    as_drive,
+    sampling_error,
+    turns,
+)
 from robotball.robot.formulas import (
     ROLLING_MODELS,
     Parameters,
@@ -740,10 +749,10 @@ class Scene(Value):
         """True if all rates and the plane's acceleration and rotation are constant."""
         return self.controller is None and all(isinstance(d, Constant) for d in self._over_time)
 
-    def sampling_error(self, end: float, timestep: float) -> float:
+    def sampling_error(self, end: float, timestep: float, rule: Rule = SIMPSON) -> float:
         """Return `sampling_error` of the scene's drives, in steps [s] of a run to `end` [s]."""
         stops = np.array([0.0, *(t for t in self.breakpoints if t < end), end])
-        return sampling_error(self._over_time, stops, timestep)
+        return sampling_error(self._over_time, stops, timestep, rule)
 
     def parameters_at(self, t: float) -> Parameters:
         """Return the numbers of the equations at time t [s], in principal axes."""

@@ -34,9 +34,9 @@ STAGES = 12  # stages of a step after its begin; the last is at its end
 # Rows of the table: a node and 16 weights for each stage of a step, each of the interpolant's three
 # further stages, the errors of orders 5 and 3, and four coefficients of the interpolant.
 _TABLE = np.loadtxt(Path(__file__).with_suffix(".csv"), delimiter=",")
-_NODES, _WEIGHTS = _TABLE[:STAGES, 0].copy(), _TABLE[:STAGES, 1 : STAGES + 1].copy()
-_MORE_NODES, _MORE = _TABLE[STAGES:15, 0].copy(), _TABLE[STAGES:15, 1:].copy()
-_ERRORS, _INTERPOLANT = _TABLE[15:17, 1 : STAGES + 2], _TABLE[17:, 1:]
+NODES, WEIGHTS = _TABLE[:STAGES, 0].copy(), _TABLE[:STAGES, 1 : STAGES + 1].copy()
+MORE_NODES, MORE = _TABLE[STAGES:15, 0].copy(), _TABLE[STAGES:15, 1:].copy()
+_ERRORS, INTERPOLANT = _TABLE[15:17, 1 : STAGES + 2], _TABLE[17:, 1:]
 _SAFETY, _LEAST, _MOST, _EXPONENT = 0.9, 0.2, 10.0, -1 / 8  # of the next step
 
 
@@ -85,7 +85,7 @@ class Compensated:
     def __post_init__(self) -> None:
         self._base = self.state = np.array(self.state, dtype=float)
         self._displacement = np.zeros_like(self.state)
-        self._slopes = np.empty((STAGES + 1 + len(_MORE), len(self.state)))
+        self._slopes = np.empty((STAGES + 1 + len(MORE), len(self.state)))
         self.derivative = self._slopes[STAGES]
         first = np.array([self.t]), 0.0, np.empty((1, 0))
         self.stages(*first, self._base, self._displacement, self.derivative[None])
@@ -101,7 +101,7 @@ class Compensated:
         while length >= shortest:
             new = min(t + length, self.end)
             length = new - t
-            end = self.stages(t + _NODES * length, length, _WEIGHTS, base, begin, slopes)
+            end = self.stages(t + NODES * length, length, WEIGHTS, base, begin, slopes)
             allowed = tolerance + np.maximum(np.abs(begin), np.abs(end)) * _OF_DISPLACEMENT
             sums = [np.dot(slopes.T, weights) / allowed for weights in _ERRORS]
             fifth, third = (np.sqrt(np.dot(errors, errors)) ** 2 for errors in sums)
@@ -122,8 +122,8 @@ class Compensated:
         if len(times) == 1 and times[0] == self.t:  # the value of the interpolant
             return (self._base + (change + begin))[None]
         if not self._inside:
-            self.stages(began + _MORE_NODES * length, length, _MORE, self._base, begin, slopes)
-            more = length * np.dot(_INTERPOLANT, slopes)
+            self.stages(began + MORE_NODES * length, length, MORE, self._base, begin, slopes)
+            more = length * np.dot(INTERPOLANT, slopes)
             curve = length * (self.derivative + slopes[0])
             self._inside = [*more[::-1], 2 * change - curve, length * slopes[0] - change, change]
         part, displacements = ((times - began) / length)[:, None], np.zeros((len(times), 1))

@@ -74,7 +74,7 @@ _TIMED = 0.05  # s of processor time measured in each round
 _ORDER = 1.25  # largest order of a first-order line; a steeper line has cancelling errors
 _FEW = 3  # changes named in a description; more are counted
 _WILD = 1e3  # relative path error above which a run is not drawn
-_ABOVE = ("adaptive",)  # presets named above their mark, at the left end of the front
+_ABOVE = ("exact",)  # presets named above their mark, at the left end of the front
 
 
 def _both(*names: str) -> tuple[_Options, _Options]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from robotball import Scene, Servo, Settings, load_scene
-from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, MOST_STEPS, recipe
+from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, MOST_STEPS, OWN, recipe
 from robotball.robot.variations import gyrostat, momentum_of, redistributed, scaled
 
 from ..sweeps import Cell
@@ -244,7 +244,7 @@ MAPS: dict[str, Map] = {
 class Cut:
     """The part of the maps to run: integrators, and the number of values on an axis."""
 
-    integrators: tuple[str, ...] = tuple(INTEGRATORS)
+    integrators: tuple[str, ...] = (*OWN, ADAPTIVE)
     count: int | None = None
 
     def values(self, axis: _Axis) -> tuple[float, ...]:

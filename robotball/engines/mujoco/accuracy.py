@@ -1,9 +1,8 @@
 """Choose settings that reach a requested path error, and check the error of a finished run.
 
-Settings come in two families: MuJoCo's RK4 at a timestep, and DOP853 at an rtol. Two cheap runs of
-RK4 measure the scene, and the cost model predicts from them which family is cheaper. No reference
-is needed. The error is estimated from two runs with different steps (Richardson's rule), or from
-the change of M, which is constant, times the ratio of path error to change of M in the RK4 runs.
+Settings come in two families: MuJoCo's RK4, and steps of order 8. Two cheap runs of RK4 measure the
+scene, and the cost model predicts from them which family is cheaper. No reference is needed. The
+error is estimated from two runs with different steps (Richardson's rule).
 `checked` applies Richardson's rule to a run whose settings were given.
 """
 
@@ -14,10 +13,10 @@ import numpy as np
 
 from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.order8 import RULE
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import (
-    ADAPTIVE,
-    BY_ERROR,
+    ORDER_8,
     PRESETS,
     Resolved,
     Settings,
@@ -25,7 +24,7 @@ from robotball.engines.mujoco.settings import (
     recipe,
 )
 from robotball.engines.mujoco.special_limits import COST_MODEL
-from robotball.engines.observe import step_count
+from robotball.engines.observe import spans, step_count
 from robotball.errors import warn
 from robotball.motion import (
     ContactMotion,
@@ -40,7 +39,6 @@ from robotball.motion import (
 from robotball.robot.drives import seeing_step
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
-from robotball.theory.dop853 import LEAST_RTOL
 
 # The monitor's tolerance for M and slip, as a multiple of the accuracy, and its largest value. The
 # request is about the path, so M may be off by more.
@@ -49,17 +47,17 @@ _PHASE = 0.32  # rad turned at the scene's rate in a pilot step; RK4 shows its o
 _STABLE = 1.5  # pilot step times a servo's rate; RK4 diverges at 2.785
 _DRIVE_ERROR = 1e-4  # largest error, relative, of a drive that is sampled at the pilot's steps
 _AIM = 0.9  # part of the accuracy that a corrected step aims at
-# Part of the accuracy that the first rtol aims at. It is small because a second run doubles the
-# time, and a tenth of the rtol adds only a third.
-_CAUTIOUS = 0.03
+# Part of the accuracy that the first steps of order 8 aim at. It is small because a second run
+# doubles the time, and a fifth of the error adds only a fifth.
+_CAUTIOUS = 0.2
 _APART = 0.01  # path lengths; runs that differ by more follow no law of errors
-_FINEST_RTOL, _COARSEST_RTOL = LEAST_RTOL, 1e-7  # the contact may be lost with a coarser rtol
-LOOSER = 300.0  # rtol of the run that DOP853's first run is compared with, over its rtol
-_SPARSE = 0.1  # s between the samples of that run
-# For a varying load: the least order of RK4; the smallest error that its contact allows, whose time
-# constant is at least two timesteps; and the rtol of the run that DOP853's run is compared with.
-_VARYING_ORDER, _SOFT, _SOFTER_RTOL = 3.4, 1e-9, 1e-14
-RK4_EVALUATIONS, _DOP853_EVALUATIONS = 4, 13  # of the forces per step, rejected steps included
+_LONGEST = 0.1  # s, steps of order 8; the contact is stable up to 0.25
+# For a varying load: the least order of RK4, and the smallest error that its contact allows, whose
+# time constant is at least two timesteps.
+_VARYING_ORDER, _SOFT = 3.4, 1e-9
+RK4_EVALUATIONS, _ORDER_8_EVALUATIONS = 4, 12  # of the forces per step
+_INSIDE_ORDER = 7.0  # of the samples inside steps of order 8, by the interpolant
+_ALIKE = 0.2  # logarithm of the ratio of steps whose runs are too alike to compare
 _CORRECTIONS = 2  # runs after the first one
 
 
@@ -114,17 +112,12 @@ class _Search:
             settings = replace(fine.report.settings, stop_at_fault=True)
             return self.result(replace(fine, report=replace(fine.report, settings=settings)), error)
         timestep = fine.report.timestep * self.refinement(error, self.order)
-        if self.slips:
+        step = self.order_8_step(error, fine.report.timestep)
+        reachable = self.accuracy >= _SOFT or not self.scene.load_varies
+        quicker = reachable and self.rk4_seconds(timestep) <= self.order_8_seconds(step)
+        if self.slips or quicker:
             return self.by_timestep(timestep, fine)
-        if self.scene.load_varies:
-            quicker = 2 * self.adaptive_seconds(_FINEST_RTOL) < self.rk4_seconds(timestep)
-            unreachable = self.accuracy < _SOFT
-            return self.by_contact() if quicker or unreachable else self.by_timestep(timestep, fine)
-        rtol = self.rtol(error, fine.report.timestep)
-        if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
-            lost = _momentum_change(fine) if self.scene.keeps_momentum else 0.0
-            return self.by_rtol(rtol, error / lost if lost > 0 and error <= _APART else np.inf)
-        return self.by_timestep(timestep, fine)
+        return self.by_order_8(step)
 
     def by_timestep(self, timestep: float, before: ContactMotion) -> ContactMotion:
         """Run RK4, with smaller timesteps while the estimate exceeds the accuracy."""
@@ -136,44 +129,38 @@ class _Search:
             before, timestep = motion, motion.report.timestep * self.refinement(error, self.order)
         return self.result(motion, error)
 
-    def by_rtol(self, rtol: float, ratio: float) -> ContactMotion:
-        """Run DOP853, with smaller rtols while the estimate exceeds the accuracy.
-
-        ratio: path error over change of M in the runs of RK4; infinite if unknown.
-        """
-        before, looser = None, rtol
-        if not np.isfinite(ratio):
-            looser = rtol * LOOSER
-            before = self.made(self.pilot(integrator=ADAPTIVE, rtol=looser), apart=_SPARSE)
+    def by_order_8(self, step: float) -> ContactMotion:
+        """Run with steps of order 8 [s], shorter ones while the estimate exceeds the accuracy."""
         for _ in range(1 + _CORRECTIONS):
-            motion = self.made(self.settings(integrator=ADAPTIVE, rtol=rtol))
-            error = self.by_momentum(motion, ratio)
-            if before is not None:
-                doubled = self.error(before, motion, looser / rtol, COST_MODEL.rtol_order)
-                error = max(error, doubled)
-            if error <= self.accuracy or rtol <= _FINEST_RTOL:
+            motion = self.made(self.settings(integrator=ORDER_8, timestep=step))
+            error = self.by_other_steps(motion)
+            if error <= self.accuracy:
                 break
-            before, looser = motion, rtol
-            rtol = max(_FINEST_RTOL, rtol * self.refinement(error, COST_MODEL.rtol_order))
+            step = motion.report.timestep * self.refinement(error, _INSIDE_ORDER)
         return self.result(motion, error)
 
-    def by_contact(self) -> ContactMotion:
-        """Run DOP853 at the finest rtol; a coarser one would lift the ball off its contact.
+    def by_other_steps(self, motion: ContactMotion) -> float:
+        """Estimate the path error of a run from one with longer steps, or shorter ones.
 
-        Under a varying load the contact's depth is the error, so a deeper contact estimates it.
+        Breakpoints and fast servos may allow no longer steps. Under a varying load the depth of the
+        contact is changed as well.
         """
-        finest = self.settings(integrator=ADAPTIVE, rtol=_FINEST_RTOL)
-        softer = self.pilot(integrator=ADAPTIVE, rtol=_SOFTER_RTOL)
-        softer = replace(softer, solref=(2 * BY_ERROR[1], 1.0))
-        before, motion = self.made(softer, apart=_SPARSE), self.made(finest)
-        deeper, depth = (Resolved(self.scene, s).equilibrium_depth for s in (softer, finest))
-        return self.result(motion, self.error(before, motion, deeper / depth, 1.0))
-
-    def by_momentum(self, motion: ContactMotion, ratio: float) -> float:
-        """Estimate the path error of a complete run from its change of M; 0 for no known ratio."""
-        if len(motion.times) < len(self.times):
+        settings, step = motion.report.settings, motion.report.timestep
+        assert isinstance(settings, Settings)
+        stops, breakpoints = self.times[[0, -1]], self.scene.breakpoints
+        for factor, softer in _OTHER_8:
+            other = _in_steps(self.scene, settings, factor * step, softer)
+            longest = PlannedRun(self.scene, other, float(stops[-1])).timestep
+            ratio = spans(stops, breakpoints, longest)[1].max() / step
+            if abs(np.log(ratio)) > _ALIKE:
+                break
+        compared = self.made(other)
+        if min(len(motion.times) - len(self.times), compared.times[-1] - self.times[-1]) < 0:
             return np.inf
-        return ratio * _momentum_change(motion) if np.isfinite(ratio) else 0.0
+        changes = [ratio**_INSIDE_ORDER] + [softer] * self.scene.load_varies
+        difference = path_error(compared, motion)
+        part = difference / min(abs(change - 1) for change in changes)
+        return max(difference if difference > _APART else part, self.sampling_error_8(step))
 
     def rk4_error(self, coarse: ContactMotion, fine: ContactMotion) -> float:
         """Estimate the fine run's path error from a coarse run, and from the drives' sampling.
@@ -200,24 +187,31 @@ class _Search:
         # A run that broke off has no error, so its steps are halved.
         return float((_AIM * self.accuracy / error) ** (1 / order)) if np.isfinite(error) else 0.5
 
-    def rtol(self, error: float, timestep: float) -> float:
-        """Return DOP853's rtol for the accuracy, given RK4's error at a timestep [s]."""
+    def order_8_step(self, error: float, timestep: float) -> float:
+        """Return the step of order 8 [s] for the accuracy, given RK4's error at a timestep [s]."""
         stiffness = error / (self.rate * timestep) ** 4
         gain = COST_MODEL.gain * stiffness**COST_MODEL.power if np.isfinite(stiffness) else np.inf
-        return float(np.clip(_CAUTIOUS * self.accuracy / gain, _FINEST_RTOL, _COARSEST_RTOL))
+        step = float((_CAUTIOUS * self.accuracy / gain) ** (1 / 8) / self.rate)
+        settings = self.settings(integrator=ORDER_8, timestep=min(max(step, 1e-3), _LONGEST))
+        step = PlannedRun(self.scene, settings, float(self.times[-1])).timestep
+        return seeing_step(self.sampling_error_8, step, self.accuracy, 8)
+
+    def sampling_error_8(self, step: float) -> float:
+        """Return the error of the drives in steps of order 8 [s]."""
+        return self.scene.sampling_error(float(self.times[-1]), step, RULE)
 
     def rk4_seconds(self, timestep: float) -> float:
         """Predict the processor time [s] of RK4 at a timestep [s]."""
         steps = step_count(self.times, self.scene.breakpoints, timestep)
         return steps * (COST_MODEL.step + RK4_EVALUATIONS * self.control)
 
-    def adaptive_seconds(self, rtol: float) -> float:
-        """Predict the processor time [s] of DOP853 at an rtol."""
-        per_second = COST_MODEL.steps_per_second(self.rate, rtol)
-        # A servo's rate limits the steps, whatever their error.
-        steps = float(self.times[-1]) * max(per_second, self.servo_rate / _STABLE)
-        of_steps = steps * (COST_MODEL.adaptive_step + _DOP853_EVALUATIONS * self.control)
-        return of_steps + len(self.times) * (COST_MODEL.sample + self.control)
+    def order_8_seconds(self, step: float) -> float:
+        """Predict the processor time [s] of steps of order 8 [s]."""
+        stops, breakpoints = self.times[[0, -1]], self.scene.breakpoints
+        steps = step_count(stops, breakpoints, step)
+        inside = step_count(self.times, breakpoints, step) - steps
+        of_steps = steps * (COST_MODEL.order_8_step + _ORDER_8_EVALUATIONS * self.control)
+        return of_steps + max(inside, 0.0) * (COST_MODEL.sample + self.control)
 
     @property
     def order(self) -> float:
@@ -254,22 +248,25 @@ def reach(
     return _Search(scene, times, accuracy, progress).reach()
 
 
-# Factors of the timestep and of the contact's softness in the runs that check a run, and the part
-# of the tolerance that the estimated error must not exceed. Runs with longer steps estimate it
-# within a factor of 3, or of 14 where it is large, and runs with half steps within 5 %. A contact
-# 16 times as hard could lift the ball off; one 4 times as hard shows 0.8 of the depth's error.
-_OTHER_STEPS = ((2.0, 16.0, 0.1), (0.5, 0.25, 0.75))
+# Factors of the timestep and of the contact's softness in the runs that check a run, with RK4 and
+# with order 8, and the part of the tolerance that the estimated error must not exceed. Runs with
+# longer steps estimate it within a factor of 3, or of 14 where it is large, and runs with shorter
+# steps within 5 %. A contact 16 times as hard could lift the ball off; one 4 times as hard shows
+# 0.8 of the depth's error.
+_OTHER, _OTHER_8 = ((2.0, 16.0), (0.5, 0.25)), ((2**0.5, 16.0), (0.5**0.5, 0.25))
+_PARTS = 0.1, 0.75
 
 
 def checked(motion: ContactMotion) -> ContactMotion:
     """Return a motion, with a fault if runs with other steps show that it is inaccurate.
 
-    Only runs of RK4 whose M may change are checked, and runs of balls that may slip: elsewhere the
-    change of M shows the error. While a ball slips, the error is of first order.
+    Only runs of RK4 and RK8 whose M may change are checked, and runs of balls that may slip:
+    elsewhere the change of M shows the error. While a ball slips, the error is of first order.
     RK4's error goes with the 4th power of the timestep, and the contact's with its depth, which
     goes with its softness. A run with f times the timestep and f⁴ times the softness therefore
     differs by |f⁴ - 1| times the error of path and M. Runs with twice the timestep, which take half
-    the time again, clear most runs. Half the timestep decides about the others.
+    the time again, clear most runs. Half the timestep decides about the others. The steps of order
+    8 have the same powers of the square root of f.
     """
     report, scene, settings = motion.report, motion.scene, motion.report.settings
     constant_momentum = scene.not_reduced is None and not scene.may_slip
@@ -278,10 +275,10 @@ def checked(motion: ContactMotion) -> ContactMotion:
     assert isinstance(settings, Settings)
     if settings.slips:
         order = 1
-    elif (order := Resolved(scene, settings).integrator.order) != 4:
+    elif (order := Resolved(scene, settings).integrator.order) == 1 or settings.adaptive:
         return motion
     time, seconds = 0.0, report.total_seconds
-    for factor, softer, part in _OTHER_STEPS:
+    for (factor, softer), part in zip(_OTHER_8 if order == 8 else _OTHER, _PARTS, strict=True):
         step, at = factor * report.timestep, _thinned(motion.times, factor * report.timestep)
         changed = _in_steps(scene, settings, step, softer)
         other = run(build(scene, changed), at)
@@ -306,6 +303,9 @@ def _in_steps(scene: Scene, settings: Settings, timestep: float, softer: float) 
     unlimited = replace(settings, stop_at_fault=False, max_steps=2**31 - 1)
     if settings.slips:
         return for_slip(scene, unlimited, timestep)
+    if not settings.own:  # its steps may be limited by its tolerance, and its contact is not
+        tolerance, softness = softer * settings.error_tolerance, softer * settings.softness
+        return replace(unlimited, timestep=timestep, softness=softness, error_tolerance=tolerance)
     constant, ratio = settings.solref or (0.0, 0.0)
     longer = max(constant, 2 * timestep) if constant > 0 else constant
     deeper = (longer / constant) ** 2 if constant > 0 else 1.0
@@ -331,11 +331,6 @@ def scene_rate(scene: Scene) -> float:
         rates = (A * parameters.K, parameters.Omega, A * M, omega)
         squares.append(sum(float(np.dot(rate, rate)) for rate in rates))
     return float(np.sqrt(max(squares)))
-
-
-def _momentum_change(motion: ContactMotion) -> float:
-    """Return the largest change of M [kg m²/s]."""
-    return float(np.linalg.norm(motion.momentum - motion.momentum[:1], axis=1).max())
 
 
 def _thinned(times: Array, apart: float) -> Array:

@@ -5,9 +5,10 @@ orders. MuJoCo's callbacks only write controls and gravity: MuJoCo 4.0 never ret
 that is called within a callback raises a warning (docs/findings).
 """
 
+from bisect import bisect
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import mujoco
 import numpy as np
@@ -25,8 +26,8 @@ FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hin
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _QUATERNION = slice(3, 7)
 _NO_STAGE = int(mujoco.mjtStage.mjSTAGE_NONE)
-# s; the value of a drive at the end of a span is taken this long before it, because the other side
-# of a breakpoint begins there.
+# s; the value of a drive at a breakpoint is taken this long before it, because the other side
+# begins there.
 _INSIDE = 1e-9
 # The parts of steps that a run may take: so many for each planned step, and so many more. A robot
 # that leans over slowly leaves its standstill in up to 11 578 parts of one step, and in 53 000 of
@@ -39,6 +40,18 @@ Steps = Callable[[mujoco.MjData, float], Iterator[float]]
 """Takes one step of a length [s], in parts if necessary. Yields the length of each part."""
 _Forward = Callable[[mujoco.MjData, bool], None]
 """Evaluates the forces at the state of MjData, with the sensors if the second argument is true."""
+
+
+class Interpolating(Protocol):
+    """Steps that give the states inside the last one; see `order8`."""
+
+    pending: Array
+
+    def within(self, data: mujoco.MjData, times: Array) -> Array:
+        """Return the states (m, n) at times (m,) [s] inside the last step."""
+
+    def rows(self, data: mujoco.MjData) -> tuple[bool, list[Array]]:
+        """Return whether the last step began on a sample time, and the rows of those inside it."""
 
 
 def read_row(data: mujoco.MjData) -> Array:
@@ -175,10 +188,14 @@ class Control:
         Takes one step.
     friction : callable or None
         Returns the torques (h,) of dry friction at the rates (h,) of the hinges.
+    order_8 : Interpolating or None
+        Takes the steps of order 8.
     steps : callable or None
         Takes one step in parts. None if steps have no parts.
     stops : callable or None
         Stops a ball that has come to rest, and returns whether it did. None if no ball can stop.
+    timestep : float, s
+        The longest step.
     planned, taken : int
         The number of timesteps so far, and of the steps taken for them, trial steps included.
     """
@@ -194,6 +211,7 @@ class Control:
             self.model = model.of(self.loop.scene)
             self.sensed = sensor_reader(self.model)
         self.span: Sequence[float] = (0.0, 0.0)
+        self.breakpoints = model.scene.breakpoints
         # A pyramidal cone has no rows of friction alone.
         elliptic = model.compiled.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
         self.turns = model.scene.plane_turns and elliptic
@@ -201,6 +219,8 @@ class Control:
         self.step: Step = mujoco_step
         self.friction: Callable[[Array], Array] | None = None
         self.planned = self.taken = 0
+        self.timestep = model.settings.timestep or model.compiled.opt.timestep
+        self.order_8: Interpolating | None = None
         self.steps: Steps | None = None
         self.stops: Callable[[mujoco.MjData], bool] | None = None
 
@@ -247,9 +267,12 @@ class Control:
         self.step(data, length)
 
     def inside(self, t: float) -> float:
-        """Return the time [s] of the span that is nearest to t."""
-        begin, end = self.span
-        return max(begin, min(t, end - _INSIDE))
+        """Return the time [s] nearest to t on the span's side of the breakpoints around it."""
+        begin, _ = self.span
+        following = bisect(self.breakpoints, begin + _INSIDE)
+        if following < len(self.breakpoints):
+            t = min(t, self.breakpoints[following] - _INSIDE)
+        return max(begin, t)
 
     def set(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set the controls of the hinges at the time of `data`, and their dry friction."""

@@ -94,7 +94,7 @@ def dm_environment(
             "'dm-control==1.0.*' (its dependency labmaze has no wheel for Python 3.13)"
         )
     chosen = as_own(request_of("mujoco", settings).settings, Settings, LABEL)
-    if chosen.adaptive or scene.friction.rolling:
+    if not chosen.own or scene.friction.rolling:
         raise InputError(
             f"{scene.name}, {chosen.name}: an environment takes MuJoCo's steps, without DOP853 or "
             "resistance to rolling: take another preset, or a scene without resistance"

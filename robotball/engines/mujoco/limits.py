@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
-from robotball.engines.mujoco.settings import Prescribed, Resolved
+from robotball.engines.mujoco.settings import ORDER_8, Prescribed, Resolved
 from robotball.errors import InputError, percent
 from robotball.motion import tolerated
 from robotball.robot import formulas as eq
@@ -37,6 +37,9 @@ _LARGEST_STATE = 1e10  # mjMAXVAL: a larger position, velocity or control is a b
 _LEAST_DETERMINANT = 1e-10  # below it MuJoCo takes a contact's friction block for singular
 # A ball that slips loads the plane exactly at its limit, but for rounding.
 _AT_LIMIT = 1 + 1e-9
+# Steps of order 8: the largest rotation [rad], and a servo's largest rate times the step, each over
+# the eighth root of the tolerance. The second is stable up to 6.39.
+_TURNED, _SETTLED, _MOST_SETTLED = 3.75, 30.0, 4.0
 _MAGNIFIED = 10.0  # path error over a rate's relative error; 0.1 to 40 were measured
 
 
@@ -120,6 +123,16 @@ class PlannedRun(Resolved):
             return False
         prescribed = (isinstance(hinge.actuation, Prescribed) for hinge in self.hinges)
         return bool(self.option("noslip_iterations")) and all(prescribed)
+
+    @cached_property
+    def timestep(self) -> float:
+        """The longest step [s]; with order 8 it is shorter for fast rotations and servos."""
+        if self.settings.integrator != ORDER_8:
+            return super().timestep
+        part = self.settings.error_tolerance ** (1 / 8)
+        turned, settled = _TURNED * part, min(_SETTLED * part, _MOST_SETTLED)
+        rate = max(self.rotation_rate / turned, self.servo_rate / settled)
+        return min(super().timestep, 1 / rate if rate else np.inf)
 
     @cached_property
     def hinges(self) -> tuple[ModelHinge, ...]:
@@ -256,35 +269,36 @@ def rotation(plan: PlannedRun) -> LimitCheck | None:
     value, step = rate * plan.timestep, limit / rate if rate else np.inf
     warning = (
         f"the fastest rotation turns {value:.4g} rad per step, and {plan.integrator.name} is "
-        f"stable up to {limit:.4g} rad: take a timestep below {step:.2g} s, or the adaptive preset"
+        f"stable up to {limit:.4g} rad: take a timestep below {step:.2g} s, or the preset exact"
     )
     return LimitCheck(value, limit, warning)
 
 
 def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
-    """Predict how much of M fixed steps lose or gain, a part of (r·dt)² or (r·dt)⁶ in each.
+    """Predict how much of M fixed steps lose or gain, a part of (r·dt)ᵖ in each.
 
     MuJoCo gives no warning of it. Per step Euler multiplies a rotation by |1 + iθ| = 1 + θ²/2, so
     |M| grows as exp(r² dt t/2). Discrete and implicitfast leave the gyroscopic forces explicit and
-    do the same; implicit shrinks |M| as much. RK4 has |R(iθ)| = 1 - θ⁶/144. The prediction assumes
-    that all of M is in the fastest rotation. Measured over predicted on three balls, at their rates
-    and at five times them: 0.05 to 1.7 for Euler and implicit, and 0.3 to 2.3 for RK4. A nutation
-    of fast rotors may have hardly any of M, so a trial measures the loss if this formula exceeds
-    the limit. The trial is within 5 % of the run.
+    do the same; implicit shrinks |M| as much. RK4 has |R(iθ)| = 1 - θ⁶/144, RK8 1 - 2.4e-8 θ¹⁰. The
+    prediction assumes that all of M is in the fastest rotation. Measured over predicted on three
+    balls, at their rates and at five times them: 0.05 to 1.7 for Euler and implicit, and 0.3 to 2.3
+    for RK4. A nutation of fast rotors may have hardly any of M, so a trial measures the loss if
+    this formula exceeds the limit. The trial is within 5 % of the run.
     """
     if plan.integrator.momentum_loss is None:
         return None
-    if plan.integrator.order == 4 and not plan.scene.keeps_momentum:
+    if plan.integrator.order > 1 and not plan.scene.keeps_momentum:
         return None  # M changes anyway, so its change shows no error
     theta = plan.rotation_rate * plan.timestep
     order, factor = plan.integrator.momentum_loss
     steps, limit = plan.duration / plan.timestep, plan.tolerance
     with np.errstate(over="ignore"):
         value = float(steps * factor * np.float64(theta) ** order)
-    if value > limit and plan.integrator.order == 4 and plan.reduced:
+    if value > limit and plan.integrator.order > 1 and plan.reduced:
         from robotball.engines.mujoco.linearised import momentum_loss  # it takes some 60 ms
 
-        value = min(value, momentum_loss(plan.scene, plan.timestep, plan.duration))
+        steps_of = plan.integrator.name, plan.timestep
+        value = min(value, momentum_loss(plan.scene, *steps_of, plan.duration))
     step = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
     remedy = f"take a timestep below {step:.2g} s, or an integrator of higher order"
     return error_check(value, limit, f"{plan.integrator.name} will change M", remedy)
@@ -313,8 +327,8 @@ def friction_damping(plan: PlannedRun) -> LimitCheck | None:
 def contact_spring(plan: PlannedRun) -> LimitCheck | None:
     """Require that a step does not magnify the contact's vibration ẍ = -k x - b ẋ.
 
-    For RK4 it is |R(s dt)| with the roots s of s² + b s + k. The others take the force first, then
-    the velocity, then the position; for them it is the spectral radius of
+    For RK4 and RK8 it is |R(s dt)| with the roots s of s² + b s + k. The others take the force
+    first, then the velocity, then the position; for them it is the spectral radius of
     ((1 - b dt, -k dt), (dt (1 - b dt), 1 - k dt²)). MuJoCo raises a positive solref to two steps,
     which is below the limit. Measured with b dt at 2.7 and 2.9 for RK4, at 1.9 and 2.1 for Euler
     and implicit. Discrete has no such limit. A start in equilibrium does not excite the vibration,
@@ -326,8 +340,8 @@ def contact_spring(plan: PlannedRun) -> LimitCheck | None:
     d = plan.impedance
     stiffness, damping = d * d * plan.normal_reference[0], d * plan.normal_reference[1]
     z = plan.timestep * np.roots([1.0, damping, stiffness])
-    if plan.integrator.order == 4:
-        growth = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24).max()
+    if plan.integrator.stability:
+        growth = np.abs(np.polyval(plan.integrator.stability, z)).max()
     else:
         k, b = stiffness * plan.timestep**2, damping * plan.timestep
         growth = np.abs(np.linalg.eigvals([[1 - b, -k], [1 - b, 1 - k]])).max()
@@ -346,10 +360,10 @@ def raised_solref(plan: PlannedRun) -> LimitCheck | None:
     MuJoCo's flag refsafe does so, and a sweep of the timestep would change the contact as well.
     """
     constant = plan.solref[0]
-    if constant <= 0 or not np.isfinite(plan.timestep):
+    if constant <= 0:
         return None
     # A constant of exactly two steps, as advised, must pass.
-    limit = 2 * plan.timestep * (1 - 1e-12)
+    limit = 2 * plan.model_timestep * (1 - 1e-12)
     warning = (
         f"MuJoCo will raise the contact's time constant from {constant:.4g} s to two timesteps "
         f"without a warning: give solref {limit:.4g} s"

@@ -1,6 +1,6 @@
 """Numbers for the laws of `limits` that no formula gives, from trials at the start.
 
-They are the loads and eigenvalues of MuJoCo's model, and the momentum that RK4 loses in a run.
+They are the loads and eigenvalues of MuJoCo's model, and the momentum that a run loses.
 """
 
 from dataclasses import replace
@@ -62,14 +62,14 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
     return loads, np.linalg.eigvals(np.vstack([turning, np.array(columns).T]))
 
 
-def momentum_loss(scene: Scene, timestep: float, duration: float) -> float:
-    """Estimate the relative loss of momentum with RK4 over a duration [s]; infinite if it diverges.
+def momentum_loss(scene: Scene, integrator: str, timestep: float, duration: float) -> float:
+    """Estimate the relative loss of momentum over a duration [s]; infinite if the run diverges.
 
     The estimate is from a short run of the recipe's model, which takes some 60 ms.
     """
     count = duration / timestep
     steps = float(min(np.ceil(count), _MOST_STEPS))
-    model = build(scene.ideal, recipe("look", 1.0, timestep=timestep))
+    model = build(scene.ideal, recipe("look", 1.0, timestep=timestep, integrator=integrator))
     with controlled(model) as control, np.errstate(all="ignore"):
         portions = by_steps(control, model.start_data(), np.array([0.0, steps * timestep]))
         M = np.concatenate([readings_of(model, portion.rows).momentum for portion in portions])

@@ -28,6 +28,7 @@ from robotball.theory.plane import check_still
 from robotball.user_model.mended_file import in_comment
 
 _AGREES = 1e-6  # of the path: the largest error of held controls
+_STEP = 2e-3  # s, of RK4 in the place of an integrator that is not MuJoCo's
 _HALVINGS = 5  # the largest number of halvings, for 32 times as many rows of controls
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # for the mean of a command over a step
 _SAMPLES = 200  # of the path of a play
@@ -77,6 +78,8 @@ def write_model(scene: Scene, settings: Settings) -> Written:
     """Return the model of a run with shapes, lights and a camera for a viewer."""
     scene.check_open("MJCF")
     check_still(scene, "MJCF")
+    if not settings.own:
+        settings = replace(settings, integrator="RK4", timestep=_STEP, rtol=None)
     model = build(scene, settings)
     softness = model.settings.softness
     needs, off = None, None

@@ -236,10 +236,11 @@ def _compose(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Elemen
         _set(floor, surfacevel=[0.0] * 5 + [float(scene.plane_turn.rate(0.0))])
     fields = vars(settings).items()
     options = {name: value for name, value in fields if hasattr(mujoco.MjOption, name)}
+    if not settings.own:
+        # RK4 is MuJoCo's best integrator for other programs that run the MJCF. With the timestep of
+        # order 8 its flag refsafe would soften the contact.
+        options |= {"integrator": "RK4", "timestep": None}
     _set(option, gravity=scene.gravity_at(0.0), **options)
-    if settings.adaptive:
-        # MuJoCo has no DOP853; RK4 is its best integrator for other programs that run the MJCF.
-        _set(option, integrator="RK4")
     flag = _add(option, "flag", warmstart=settings.warmstart, island=settings.island)
     # Otherwise MuJoCo resets a diverged state to time 0 with one warning and continues the run.
     _set(flag, autoreset="disable")

@@ -6,9 +6,10 @@ switch. `rolling_resistance` has the parts near a standstill.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -19,10 +20,12 @@ from robotball.engines.mujoco.control import (
     FREE_QVEL,
     STATE,
     Control,
+    Interpolating,
     Portion,
     Steps,
     Stretch,
     TooManyPartsError,
+    put,
     read_row,
     state_of,
 )
@@ -33,23 +36,25 @@ from robotball.rotations import Array
 _LOOK = 64  # parts between two looks of the monitor; at most so many are taken after a fault
 # Part of a limit by which a motor may exceed it before it switches. The motion changes by the
 # square of it.
-_LATE = 1e-9
+_LATE = 1e-7
 _SHARP = 1e-10  # of a step: the tolerance of a switch's time
 _SHORTEST = 1e-6  # of a step: a switch nearer to an end of a step is taken to be there
+_INSIDE = np.arange(1, 6) / 6  # of a step of order 8: the looks for switches inside it
 _MOST_SWITCHES = 8  # switches in a step; MuJoCo limits the torques in a step with more
 _BY_MUJOCO = 2  # in place of a side: MuJoCo limits the torque
 
 
 def step_in_parts(control: Control, data: mujoco.MjData, stretch: Stretch) -> Iterator[Portion]:
-    """Take the steps of a stretch, with a row for every part of a step."""
+    """Take the steps of a stretch, with a row for every part of a step, and for samples in it."""
     rows: list[Array] = []
     sampled: list[int] = []
-    longest, began = 0.0, time.thread_time()
+    parts, longest, began = 0, 0.0, time.thread_time()
+    inside = control.order_8
 
     def portion(failure: Fault | None = None) -> Portion:
         table = np.array(rows).reshape(len(rows), len(data.sensordata) + len(data.warning.number))
         at, seconds = np.array(sampled, dtype=np.int64), time.thread_time() - began
-        return Portion(table, at[at < len(rows)], len(rows), longest, seconds, failure)
+        return Portion(table, at[at < len(rows)], parts, longest, seconds, failure)
 
     samples, step = {*stretch.samples.tolist()}, 0
     for span, length, count in stretch:
@@ -65,10 +70,16 @@ def step_in_parts(control: Control, data: mujoco.MjData, stretch: Stretch) -> It
             try:
                 for taken in (steps or control.whole)(data, length):
                     rows.append(read_row(data))
-                    longest = max(longest, taken)
-                    if len(rows) == _LOOK:
+                    parts, longest = parts + 1, max(longest, taken)
+                    if inside is not None and len(inside.pending):
+                        at_begin, more = inside.rows(data)
+                        begin = len(rows)
+                        sampled += range(begin - at_begin, begin + len(more))
+                        rows += more
+                    if len(rows) >= _LOOK:
                         yield portion()
-                        rows, sampled, longest, began = [], [], 0.0, time.thread_time()
+                        rows, sampled, parts = [], [], 0
+                        longest, began = 0.0, time.thread_time()
             except TooManyPartsError as error:
                 yield portion(Fault(FaultKind.STEP_TOO_SHORT, np.nan, str(error), fatal=True))
                 return
@@ -115,11 +126,13 @@ class _Switches:
             # After a jump of its command a motor is beyond its side before the step.
             if self._late(data) > 0:
                 self._settle(data)
-            before = state_of(data)
-            if not self._after(data, remaining) > 0:  # a NaN ends here too
+            before, began = state_of(data), data.time
+            late = self._after(data, remaining) > 0  # a NaN is not
+            beyond = self._beyond_inside(data, began, remaining)
+            if beyond is None and not late:
                 yield remaining
                 return
-            taken = self._until_switch(data, before, remaining)
+            taken = self._until_switch(data, before, began, beyond or remaining)
             if taken > remaining - _SHORTEST * length:
                 taken = remaining
             mujoco.mj_setState(data.model, data, before, STATE)
@@ -163,7 +176,35 @@ class _Switches:
         self.control.take(data, length)
         return self._late(data)
 
-    def _until_switch(self, data: mujoco.MjData, before: Array, longest: float) -> float:
+    @property
+    def _order_8(self) -> Interpolating | None:
+        """The steps with an interpolant; dry friction leaves that of the last part alone."""
+        return self.control.order_8 if self.control.friction is None else None
+
+    def _beyond_inside(self, data: mujoco.MjData, began: float, length: float) -> float | None:
+        """Return the first of a few times in the last step [s] at which a motor has switched.
+
+        A step of order 8 may be so long that a motor reaches its limit and leaves it inside.
+        """
+        if (order_8 := self._order_8) is None:
+            return None
+        end = state_of(data)
+        for part in (_INSIDE * length).tolist():
+            if self._late_inside(data, order_8, began, part) > 0:
+                return float(part)
+        mujoco.mj_setState(data.model, data, end, STATE)
+        return None
+
+    def _late_inside(
+        self, data: mujoco.MjData, order_8: Interpolating, began: float, length: float
+    ) -> float:
+        """Return `_late` after a part of a length [s] of the last step."""
+        put(data, began + length, order_8.within(data, np.array([began + length]))[0])
+        return self._late(data)
+
+    def _until_switch(
+        self, data: mujoco.MjData, before: Array, began: float, longest: float
+    ) -> float:
         """Return the length of a step [s] up to the first switch, which `longest` exceeds."""
         from scipy.optimize import brentq  # late: few motors reach a limit
 
@@ -174,7 +215,15 @@ class _Switches:
             beyond = self._after(data, length) if length else self._late(data)
             return beyond if np.isfinite(beyond) else 1.0
 
-        return float(brentq(late, 0.0, longest, xtol=_SHARP * longest, rtol=_SHARP))
+        def root(of: Callable[[float], float]) -> float:
+            return float(brentq(of, 0.0, longest, xtol=_SHARP * longest, rtol=_SHARP))
+
+        if (order_8 := self._order_8) is not None:
+            found = root(partial(self._late_inside, data, order_8, began))
+            # A stiff motor may magnify the error of the interpolant.
+            if abs(late(found)) <= _LATE or late(longest) <= 0:
+                return found
+        return root(late)
 
     def _switch(self, data: mujoco.MjData) -> None:
         """Change the side of the motor that has just reached or left its limit."""

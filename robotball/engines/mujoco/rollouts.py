@@ -25,6 +25,7 @@ from mujoco.rollout import rollout
 from robotball.engines.many_motions import FromStarts, differ_in_start, of_each
 from robotball.engines.mujoco.accuracy import checked
 from robotball.engines.mujoco.control import Portion
+from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import Model, build, carrying_depth, start_state
 from robotball.engines.mujoco.run import check_length, observed, precheck, run
 from robotball.engines.mujoco.settings import Resolved, Settings
@@ -56,7 +57,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     for i in by_size[:: max(1, len(scenes) - 1)] if alike else range(len(scenes)):
         precheck(scenes[int(i)], settings, times)
     model, alone = build(scenes[0], settings), partial(_alone, settings, times)
-    check_length(model.scene, model.settings, times)
+    check_length(PlannedRun(model.scene, model.settings, float(times[-1])), times)
     together = _Together(model, times)
     # Whether a ball slips, and so its contact, depends on its start.
     same = alike and not model.scene.may_slip
@@ -118,7 +119,7 @@ class _Together:
         self.size = min(int(_BYTES / (8 * math.prod(self.shape))), _ABREAST)
         long = self.shape[0] >= _LONG * len(self.groups)
         with controlled(model) as control:
-            self.steps_alone = not model.settings.adaptive and long and control.is_plain
+            self.steps_alone = model.settings.own and long and control.is_plain
         self.idle: SimpleQueue[mujoco.MjData] = SimpleQueue()
         for _ in range(allowed()):
             self.idle.put(mujoco.MjData(copy(compiled)))

@@ -60,12 +60,12 @@ def precheck(
         warn(line)
 
 
-def check_length(scene: Scene, settings: Settings, times: Array) -> None:
+def check_length(plan: PlannedRun, times: Array) -> None:
     """Raise InputError for a run of more steps than the settings allow.
 
     Adaptive steps are counted while they are taken; here only those that servos need at least.
     """
-    plan = PlannedRun(scene, settings, float(times[-1]))
+    scene, settings = plan.scene, plan.settings
     if settings.adaptive and settings.timestep is None:
         from robotball.engines.mujoco.special_limits import settling
 
@@ -76,7 +76,9 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
                 f"max_steps = {settings.max_steps}"
             )
         return
-    steps = step_count(times, scene.breakpoints, plan.timestep)
+    # Steps of order 8 have samples inside.
+    stops = times if settings.own else times[[0, -1]]
+    steps = step_count(stops, scene.breakpoints, plan.timestep)
     if not steps <= settings.max_steps:  # a NaN is refused as well
         size = f"{steps:.0f}" if steps < 1e15 else f"{steps:.2g}"
         raise InputError(
@@ -112,7 +114,8 @@ def run(
     InputError
         If the run needs more steps than the settings allow.
     """
-    check_length(model.scene, model.settings, times)
+    plan = PlannedRun(model.scene, model.settings, float(times[-1]))
+    check_length(plan, times)
     march = by_steps
     if model.settings.adaptive:
         from robotball.engines.mujoco.adaptive import by_forward
@@ -120,6 +123,7 @@ def run(
         march = by_forward
     _ = model.compiled  # MuJoCo's compiler would call the callbacks that are set below
     with controlled(model) as control:
+        control.timestep = plan.timestep
         data = model.start_data(scene)
         motion = observed(control.model, times, march(control, data, times), progress)
         return replace(motion, scene=model.scene)  # the control's scene has the loop's commands

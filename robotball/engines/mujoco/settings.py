@@ -27,16 +27,18 @@ from robotball.robot.scene import Scene
 from robotball.theory.dop853 import LEAST_RTOL
 
 _RK4_REAL, _RK4_IMAGINARY = 2.785, 2.828  # where |1 + z + z²/2 + z³/6 + z⁴/24| = 1 on the axes
+_RK8_REAL, _RK8_IMAGINARY = 6.39, 5.96
 _EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 
 
 @dataclass(frozen=True)
 class _Integrator:
-    """An integrator of MuJoCo, or scipy's if not `own`, with its limits of stability.
+    """An integrator of MuJoCo, or one of ours if not `own`, with its limits of stability.
 
     A limit is the largest stable rate times timestep, of a rotation, of the decay of slip, or of a
     servo's gain over inertia; limits.py has the measurements. momentum_loss (p, f): a step with the
-    rotation θ changes |M| by the part f θᵖ. marker, size: in plots.
+    rotation θ changes |M| by the part f θᵖ. stability: the coefficients of R(z) by which a step
+    multiplies y if dy/dt = z y / dt, from the highest power. marker, size: in plots.
     """
 
     name: str
@@ -48,11 +50,17 @@ class _Integrator:
     marker: str = "o"
     size: float = 6.0
     own: bool = True
+    stability: tuple[float, ...] = ()
 
 
 # One step on dy/dt = i r y multiplies |y| by |1 + iθ| = 1 + θ²/2 at first order, θ = r dt, and by
-# 1 - θ⁶/144 under RK4.
-_FIRST, _FOURTH = (2, 1 / 2), (6, 1 / 144)
+# 1 - θ⁶/144 under RK4, by 1 - 2.4e-8 θ¹⁰ under RK8.
+_ONE_TO_FOUR = (1 / 24, 1 / 6, 1 / 2, 1.0, 1.0)
+_TWELVE = (
+    *(3.613324578128e-10, 1.494736485459e-8, 2.341345108210e-7, 2.691692200169e-6),
+    *(1 / 40320, 1 / 5040, 1 / 720, 1 / 120),
+)
+_FIRST, _FOURTH, _EIGHTH = (2, 1 / 2), (6, 1 / 144), (10, 2.4e-8)
 INTEGRATORS = {
     integrator.name: integrator
     for integrator in (
@@ -60,11 +68,18 @@ INTEGRATORS = {
         _Integrator("implicit", 1, None, _EXPLICIT_REAL, None, _FIRST, "v"),
         _Integrator("implicitfast", 1, None, _EXPLICIT_REAL, None, _FIRST, "s"),
         _Integrator("discrete", 1, None, None, _EXPLICIT_REAL, _FIRST, "x", 4.0),
-        _Integrator("RK4", 4, _RK4_IMAGINARY, _RK4_REAL, _RK4_REAL, _FOURTH, "D"),
+        _Integrator(
+            "RK4", 4, _RK4_IMAGINARY, _RK4_REAL, _RK4_REAL, _FOURTH, "D", stability=_ONE_TO_FOUR
+        ),
+        _Integrator(
+            *("RK8", 8, _RK8_IMAGINARY, _RK8_REAL, _RK8_REAL, _EIGHTH, "*", 9.0),
+            own=False,
+            stability=_TWELVE + _ONE_TO_FOUR,
+        ),
         _Integrator("DOP853", 8, marker="^", size=7.0, own=False),
     )
 }
-ADAPTIVE = "DOP853"
+ADAPTIVE, ORDER_8 = "DOP853", "RK8"
 OWN = tuple(name for name, integrator in INTEGRATORS.items() if integrator.own)
 FIRST_ORDER = tuple(name for name, integrator in INTEGRATORS.items() if integrator.order == 1)
 MUJOCOS_DEFAULT = "Euler"
@@ -209,10 +224,11 @@ class Settings(EngineSettings):
     stop_at_fault : bool
         Whether a run ends at its first fault. Otherwise it goes on as long as there is a state.
     timestep : float or None, s
-        The length of a step. For DOP853 it is the longest step, and None sets no limit.
+        The length of a step. For RK8 it is the longest step, and steps are shorter if rotations or
+        servos are fast. For DOP853 it is the longest step, and None sets no limit.
     integrator : str or None
-        One of MuJoCo's integrators, or "DOP853", which is scipy's of order 8. DOP853 drives
-        MuJoCo's forward dynamics in steps whose error it holds to `rtol`.
+        One of MuJoCo's integrators, or one of two of order 8 that evaluate MuJoCo's forward
+        dynamics: "RK8" takes fixed steps, and "DOP853" holds the error of a step to `rtol`.
     rtol : float or None
         The relative error allowed in one step of DOP853.
     solver : {"PGS", "CG", "Newton"} or None
@@ -324,11 +340,18 @@ class Settings(EngineSettings):
                 raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}")
         if self.adaptive and self.rtol is None:
             raise InputError(f"{ADAPTIVE} needs rtol, the error allowed in one step, such as 1e-13")
+        if self.integrator == ORDER_8 and self.timestep is None:
+            raise InputError(f"{ORDER_8} needs a timestep [s], such as 0.05")
 
     @property
     def adaptive(self) -> bool:
         """True if the error of a step determines its length."""
         return self.integrator == ADAPTIVE
+
+    @property
+    def own(self) -> bool:
+        """True if MuJoCo's own integrator takes the steps."""
+        return INTEGRATORS[self.integrator or MUJOCOS_DEFAULT].own
 
 
 # Shows how wrong a newcomer's model becomes, so a run goes on after its first fault.
@@ -376,7 +399,8 @@ PRESETS: dict[str, Settings] = {
         recipe("fast", 5e-4, timestep=20e-3),
         recipe("balanced", 5e-6, timestep=5e-3),
         recipe("accurate", 1e-8, timestep=1e-3),
-        recipe("adaptive", 1e-11, integrator=ADAPTIVE, rtol=LEAST_RTOL),
+        recipe("efficient", 1e-7, integrator=ORDER_8, timestep=50e-3),
+        recipe("exact", 1e-10, integrator=ORDER_8, timestep=20e-3),
     )
 }
 """Presets of MuJoCo by name, from the coarsest to the finest.
@@ -393,7 +417,8 @@ naive 0.01 None
 fast 0.0005 0.02
 balanced 5e-06 0.005
 accurate 1e-08 0.001
-adaptive 1e-11 None
+efficient 1e-07 0.05
+exact 1e-10 0.02
 """
 
 
@@ -468,7 +493,11 @@ _BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 _ON_MOVING_PLANE = (-1e6, -2e3)
 
 
-_SLIP_STEP = 2e-4  # s, in place of adaptive steps, which the contact for slipping would shorten
+_OF_STEP = 1 / 3  # time constant over a step of order 8; at 1/4 some fast robots lift off
+# In place of noslip under order 8. The rounding of noslip's forces lifts a robot at rest off so
+# hard a contact. The friction creeps by (1 - d)/d/impratio; from 1e6 on Newton needs more steps.
+_WITHOUT_NOSLIP: dict[str, Any] = {"noslip_iterations": 0, "impratio": 1e5}
+_SLIP_STEP = 2e-4  # s, in place of steps that the contact for slipping would shorten
 # 1/s, impedance over timestep. MuJoCo's cone pushes a ball that slips at the speed u up with the
 # acceleration d·b·μ·u, b the damping of friction; more than g lifts it off.
 _SLIP_IMPEDANCE = 0.2
@@ -487,7 +516,7 @@ def for_slip(scene: Scene, settings: Settings, step: float) -> Settings:
     slip that the ball will have after the time 1/damping, which is an error of first order.
     """
     d = float(np.clip(_SLIP_IMPEDANCE * step, mujoco.mjMINIMP, 1e-3))
-    integrator = "RK4" if settings.adaptive else settings.integrator or MUJOCOS_DEFAULT
+    integrator = (settings.integrator or MUJOCOS_DEFAULT) if settings.own else "RK4"
     damping = _SLIP_DAMPING * (INTEGRATORS[integrator].friction_limit or _EXPLICIT_REAL) / step
     lever = scene.ball.mass * scene.ball.radius**2
     return replace(
@@ -531,14 +560,18 @@ def _for_load(settings: Settings, scene: Scene) -> Settings:
     if not pending:
         return settings
     if all(getattr(settings, n) == getattr(_RECIPE, n) for n in _OF_CONTACT) and slips(scene):
-        return for_slip(scene, settings, settings.timestep or _SLIP_STEP)
+        step = settings.timestep if settings.own or settings.adaptive else None
+        return for_slip(scene, settings, step or _SLIP_STEP)
     chosen = CONSTANT
     if scene.load_varies:
         by_error = settings.adaptive and settings.timestep is None
-        softness, constant = BY_ERROR if by_error else _BY_STEPS
-        constant = max(constant, 2 * (settings.timestep or 0.0))
+        eighth = settings.integrator == ORDER_8
+        softness, constant = BY_ERROR if by_error or eighth else _BY_STEPS
+        constant = max(constant, (_OF_STEP if eighth else 2.0) * (settings.timestep or 0.0))
         solref = _ON_MOVING_PLANE if by_error and scene.plane_moves else (constant, 1.0)
         chosen = VARYING | {"softness": softness, "solref": solref}
+        if eighth and all(getattr(settings, n) == getattr(_RECIPE, n) for n in _WITHOUT_NOSLIP):
+            chosen, pending = chosen | _WITHOUT_NOSLIP, [*pending, *_WITHOUT_NOSLIP]
     return replace(settings, **{name: chosen[name] for name in pending})
 
 
@@ -577,6 +610,11 @@ class Resolved:
         if self.settings.timestep is None and self.settings.adaptive:
             return np.inf
         return float(self.option("timestep"))
+
+    @property
+    def model_timestep(self) -> float:
+        """The timestep of MuJoCo's model [s], to two of which it raises a time constant."""
+        return self.timestep if self.settings.own else float(_defaults()[0].timestep)
 
     @property
     def solref(self) -> tuple[float, float]:
@@ -634,8 +672,7 @@ class Resolved:
         if first <= 0:
             return -first / self.impedance**2, -second / self.impedance
         # MuJoCo's flag refsafe raises a time constant to two steps.
-        constant = max(first, 2 * self.timestep) if np.isfinite(self.timestep) else first
-        rate = self.impedance * constant
+        rate = self.impedance * max(first, 2 * self.model_timestep)
         return 1 / (rate * second) ** 2, 2 / rate
 
     @property

@@ -1,4 +1,4 @@
-"""Limits that only some runs have: laws as in `limits`, and the cost model of adaptive steps.
+"""Limits that only some runs have: laws as in `limits`, and the cost model of fixed steps.
 
 First the laws of motors, changing drives, varying loads and adaptive steps, then the laws of
 contacts and starts that differ from the recipe's.
@@ -18,9 +18,10 @@ from robotball.engines.mujoco.limits import (
     inverse_inertia,
 )
 from robotball.engines.mujoco.model import ROW_DAMPING, motors_of
+from robotball.engines.mujoco.settings import ORDER_8
 from robotball.errors import percent
 from robotball.motion import RATE_ERROR, path_unit
-from robotball.robot.drives import seeing_step
+from robotball.robot.drives import SIMPSON, seeing_step
 from robotball.robot.motors import Servo
 
 _MEASURED = 10.0  # s, the motions on which `low_weight` was measured
@@ -28,6 +29,8 @@ _ROW = 0.02  # s, time constant of `frictionloss`, which MuJoCo raises to two ti
 _MINUTE = 60.0  # s of processor time
 _PART = 1e-4  # s of processor time: a part of a step with dry friction
 _STABLE = 6.3  # longest stable step of DOP853, times the rate at which the fastest motor settles
+# DOP853 takes _DENSITY * rate * duration * (1e-11 / rtol)^_GROWTH steps, each of so many seconds.
+_DENSITY, _GROWTH, _ADAPTIVE_STEP = 2.95, 0.12, 250e-6
 _MANY_STEPS = 20_000  # adaptive steps, ten seconds of time at least
 _SLIPPING = 1 - 1e-6  # used part of the friction cone from which the ball slips
 _SHORT = 1e-4  # of 1/b: the series' first term replaces a difference that cancels
@@ -37,26 +40,18 @@ _SHORT = 1e-4  # of 1/b: the series' first term replaces a difference that cance
 class _CostModel:
     """Error and cost by steps, fitted by bench.cost_model to the catalog and 30 random balls."""
 
-    # A path error goes at least with this power of the timestep and of rtol.
+    # RK4's path error goes at least with this power of the timestep.
     order: float = 3.8
-    rtol_order: float = 0.85
-    # DOP853's error over rtol, estimated from the change of its M, is
-    # gain * (RK4's error / (rate * timestep)^4)^power, within a factor of 3 for most scenes.
-    gain: float = 400.0
-    power: float = 0.64
-    # DOP853 takes density * rate * duration * (1e-11 / rtol)^growth steps.
-    density: float = 2.95
-    growth: float = 0.12
-    # Seconds: a step of RK4, a step of DOP853, a sample between its steps; and of controls that
-    # change in time, at each evaluation of the forces.
+    # The path error of order 8 is gain * (rate * timestep)^8 * stiffness^power, within a factor of
+    # 1.8 in the timestep; the stiffness is RK4's error / (rate * timestep)^4.
+    gain: float = 6.0e-5
+    power: float = 0.745
+    # Seconds: a step of RK4, a step of order 8, a sample inside it; and of controls that change in
+    # time, at each evaluation of the forces.
     step: float = 17e-6
-    adaptive_step: float = 250e-6
-    sample: float = 27e-6
+    order_8_step: float = 98e-6
+    sample: float = 35e-6
     control: float = 8e-6
-
-    def steps_per_second(self, rate: float, rtol: float) -> float:
-        """Return the number of steps that DOP853 takes in a simulated second."""
-        return self.density * rate * (1e-11 / rtol) ** self.growth
 
 
 COST_MODEL = _CostModel()
@@ -99,7 +94,7 @@ def errors_added(plan: PlannedRun) -> LimitCheck | None:
     rtol = plan.settings.rtol
     if not plan.settings.adaptive or rtol is None:
         return None
-    steps = plan.duration * COST_MODEL.steps_per_second(plan.rotation_rate, rtol)
+    steps = plan.duration * plan.rotation_rate * _DENSITY * (1e-11 / rtol) ** _GROWTH
     value = rtol * max(steps, 1.0)
     effect = "the errors of all steps may change M"
     return error_check(value, plan.tolerance, effect, "take a smaller rtol")
@@ -227,7 +222,7 @@ def friction_parts(plan: PlannedRun) -> LimitCheck | None:
     from robotball.engines.mujoco.motor_rates import fastest_rate
 
     fastest = fastest_rate(plan.scene, plan.hinges, plan.settings.slips, dry=True)
-    cost = COST_MODEL.adaptive_step / _STABLE if plan.settings.adaptive else _PART / STABLE
+    cost = _ADAPTIVE_STEP / _STABLE if plan.settings.adaptive else _PART / STABLE
     value = fastest * plan.duration * cost
     warning = (
         f"dry friction may stop a hinge at a rate of {fastest:.3g} 1/s, and steps as short may "
@@ -242,11 +237,12 @@ def _dry_friction(plan: PlannedRun) -> float:
 
 
 def drive_seen(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the error of a drive's rate, of which a step sees begin, middle and end alone.
+    """Predict the error of a drive's rate, of which a step sees the values at its stages alone.
 
-    It is the error of the mean rate over a step: Simpson's, of fourth order, for slow drives, and
-    the size of the drive itself if its period is no longer than the step. The rates at the ends of
-    steps do not show it, because a drive whose period divides the timestep is a constant there.
+    It is the error of the mean rate over a step: for slow drives of the step's order, Simpson's for
+    RK4, and the size of the drive itself if its period is no longer than the step. The rates at the
+    ends of steps do not show it, because a drive whose period divides the timestep is constant
+    there.
     Measured on fig12 with a sine in the frame's rate: path error 0.64 to 0.7 of it from 7 to 50 Hz,
     1.0 of it at half the rate of the steps, and 0.6 to 1.9 of it if the period divides the
     timestep.
@@ -254,10 +250,15 @@ def drive_seen(plan: PlannedRun) -> LimitCheck | None:
     if plan.settings.adaptive or plan.scene.steady:
         return None
     limit = min(plan.settings.error_tolerance, RATE_ERROR)
-    error_of = partial(plan.scene.sampling_error, plan.duration)
-    value, step = error_of(plan.timestep), seeing_step(error_of, plan.timestep, limit)
+    rule, order = SIMPSON, max(4, plan.integrator.order)
+    if plan.integrator.name == ORDER_8:
+        from robotball.engines.mujoco.order8 import RULE
+
+        rule = RULE
+    error_of = partial(plan.scene.sampling_error, plan.duration, rule=rule)
+    value, step = error_of(plan.timestep), seeing_step(error_of, plan.timestep, limit, order)
     effect = "a drive changes within a step, which will put its rate off"
-    remedy = f"take a timestep below {step:.2g} s, or the adaptive preset"
+    remedy = f"take a timestep below {step:.2g} s, or the preset exact"
     return error_check(value, limit, effect, remedy)
 
 

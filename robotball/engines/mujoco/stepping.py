@@ -9,7 +9,7 @@ import numpy as np
 
 from robotball.engines.mujoco.control import STATE, Control, Portion, Stretch, read_row, state_of
 from robotball.engines.mujoco.model import NO_ROWS, Model
-from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
+from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT, ORDER_8
 from robotball.engines.observe import spans
 from robotball.errors import mujoco_silent
 from robotball.motion import pieces
@@ -26,8 +26,14 @@ def controlled(model: Model) -> Iterator[Control]:
     integrator = INTEGRATORS[model.settings.integrator or MUJOCOS_DEFAULT]
     with ExitStack() as stack:
         stack.enter_context(mujoco_silent())
+        if model.settings.integrator == ORDER_8:
+            from robotball.engines.mujoco.order8 import Order8
+
+            control.order_8 = order_8 = Order8(control)
+            control.step, control.steps = order_8.step, control.whole
+        fixed = not model.settings.adaptive
         # Crossing a limit costs first-order and adaptive steps no accuracy.
-        if model.has_torque_limits and integrator.own and integrator.order > 1:
+        if model.has_torque_limits and fixed and integrator.order > 1:
             from robotball.engines.mujoco.parts import at_limits
 
             control.steps = stack.enter_context(at_limits(control))
@@ -36,7 +42,8 @@ def controlled(model: Model) -> Iterator[Control]:
 
             resistance = Resistance(control)
             control.forward, control.stops = resistance.forward, resistance.stop
-            control.step = resistance.rk4 if integrator.order > 1 else resistance.first_order
+            if control.order_8 is None:
+                control.step = resistance.rk4 if integrator.order > 1 else resistance.first_order
             control.steps = resistance.steps(control.steps or control.whole)
         if model.dry_friction is not None:
             from robotball.engines.mujoco.dry_friction import Parts
@@ -45,7 +52,7 @@ def controlled(model: Model) -> Iterator[Control]:
             stack.callback(setattr, option, "disableflags", option.disableflags)
             option.disableflags |= NO_ROWS
             control.friction = model.dry_friction.torques
-            if integrator.own:
+            if fixed:
                 parts = Parts(control, model.dry_friction)
                 control.friction, control.step = parts.torques, parts.step
                 control.steps = control.steps or control.whole
@@ -89,14 +96,17 @@ def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iter
 def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
     """Run over sample `times` (n,) [s] with steps not longer than the timestep.
 
-    A row is the state before its step. The last row, alone, is the state at the end.
+    A row is the state before its step, or inside it. The last row, alone, is the state at the end.
     """
     compiled, scene = control.model.compiled, control.model.scene
     step = _step if control.steps is None else _step_in_parts
-    timestep = compiled.opt.timestep
-    for stretch in stretches(times, scene.breakpoints, timestep):
+    stops, of_model = times, compiled.opt.timestep
+    # The parts that dry friction makes are not known here, so samples end them.
+    if control.order_8 is not None and control.friction is None:
+        control.order_8.pending, stops = times[1:-1], times[[0, -1]]
+    for stretch in stretches(stops, scene.breakpoints, control.timestep):
         for portion in step(control, data, stretch):
-            compiled.opt.timestep = timestep
+            compiled.opt.timestep = of_model
             yield portion
             if portion.failure is not None:
                 return

@@ -109,7 +109,7 @@ def only_on(end: float) -> Callable[[float], float]:
     return rate
 
 
-@pytest.mark.parametrize("preset", ["fast", "adaptive"])
+@pytest.mark.parametrize("preset", ["fast", "exact"])
 @pytest.mark.parametrize("end", [0.003, 0.5])
 def test_a_function_is_evaluated_only_within_the_run(end: float, preset: str) -> None:
     """By both engines, for any duration of the scene and breakpoints at and beyond the end."""

@@ -61,7 +61,7 @@ REFUSED = {
     "compare fig12 --durration 1": "--durration --duration",
     "demo --rubbish=3": "--rubbish robotball~demo~--help",
     "export fig12 --to a": "--to --out",
-    "export fig12 --preset fst": '"fst" --preset naive fast balanced accurate adaptive',
+    "export fig12 --preset fst": '"fst" --preset naive fast balanced accurate efficient exact',
     "compare fig12 --json --csv a.csv": '"--csv" --json standard~output',
     **EVERY,
     "compare fig12 --duration 1 --duration 2": "--duration",

@@ -69,22 +69,22 @@ def pair_by(name: str, settings: str) -> Pair:
 
 # Bounds on the path error over 2 s: about three times the measured error, given after each.
 LIKE_THE_EQUATIONS = {
-    ("W1", "adaptive"): 3e-13,  # 2.7e-14, from the contact depth, as for W2 and W5
-    ("W2", "adaptive"): 2e-13,  # 6.3e-14
-    ("W4", "adaptive"): 9e-13,  # 2.9e-13: DOP853 crosses the torque limit in small steps
+    ("W1", "exact"): 3e-13,  # 3.8e-14, from the contact depth, as for W2
+    ("W2", "exact"): 3e-13,  # 9.8e-14
+    ("W4", "exact"): 1.5e-12,  # 4.7e-13: order 8, as in the framed tree
     ("W4", "balanced"): 9e-8,  # 3.0e-8: RK4's error, as in all following cases
-    ("W5", "adaptive"): 1.5e-11,  # 5.0e-12
+    ("W5", "accurate"): 7e-10,  # 2.1e-10
     ("resisting", "accurate"): 3.6e-12,  # 1.2e-12
     ("resisting classical", "accurate"): 2.4e-11,  # 7.9e-12
     # Under a varying load; W4 stops repeatedly.
     ("resisting W4", "accurate"): 1.5e-9,  # 4.9e-10
-    ("resisting W5", "adaptive"): 1e-11,  # 3.4e-12
+    ("resisting W5", "accurate"): 4e-10,  # 1.3e-10
     ("shell alone", "accurate"): 1.8e-13,  # 5.9e-14
     ("light", "accurate"): 3e-11,  # 9.9e-12
     ("heavy", "accurate"): 3e-11,  # 1.0e-11
     ("tree", "accurate"): 2.2e-10,  # 7.5e-11
     ("framed tree", "balanced"): 6.5e-8,  # 2.1e-8
-    ("framed tree", "adaptive"): 4.7e-12,  # 1.6e-12: as for W4
+    ("framed tree", "exact"): 2.7e-11,  # 8.9e-12
     ("random 0", "balanced"): 4.5e-9,  # 1.5e-9
     ("random 3", "balanced"): 1.5e-10,  # 5.1e-11
     ("random 14", "balanced"): 3.6e-9,  # 1.2e-9
@@ -170,7 +170,7 @@ def test_a_robot_at_rest_keeps_its_contact() -> None:
 
     balanced = rb.preset("balanced")
     assert crept(0.37, 0.1, balanced) < 0.15
-    assert crept(0.12, 0.5, rb.preset("adaptive")) < 0.9
+    assert crept(0.12, 0.5, rb.preset("exact")) < 0.9
     hard = replace(Resolved(worked("W2"), balanced).settings, softness=1e-5, solref=(0.04, 1.0))
     assert crept(0.1, 1.0, hard) > 1e5
 
@@ -192,12 +192,12 @@ def test_resistance_to_rolling_is_proportional_to_the_normal_force(
     monkeypatch.setattr(
         Resistance, "_resisting", lambda resistance, *_: resistance.arm * resistance.weight
     )
-    theory = pair_by("resisting W5", "adaptive").theory
+    theory = pair_by("resisting W5", "accurate").theory
     pair = pair_of(SCENES["resisting W5"], "balanced", theory=theory)
     assert pair.path_error > 4e-3
 
 
-@pytest.mark.parametrize("preset", ["fast", "adaptive"])
+@pytest.mark.parametrize("preset", ["fast", "exact"])
 @pytest.mark.parametrize(("slope", "omega"), [(0.015, 0.0), (0.0, 3.0)])
 def test_resistance_to_rolling_holds_a_ball_at_rest(
     preset: str, slope: float, omega: float
@@ -205,7 +205,7 @@ def test_resistance_to_rolling_holds_a_ball_at_rest(
     """On a gentle slope, and after it has rolled to a stop.
 
     Measured 9e-16 m and 7e-14 m, rounding. Without static resistance it is 1.5e-3 m and 1.4e-5 m,
-    and adaptive steps never finish.
+    and steps in parts never finish.
     """
     ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), (Hinge(Frame(0.5, 0.002 * np.eye(3))),))
     scene = robot(

@@ -122,7 +122,7 @@ def test_actions_that_break_the_simulation_raise_a_physics_error() -> None:
         ({"path": STRAIGHT[:1]}, "(1,~2)"),
         ({"path": STRAIGHT + np.inf}, "finite numbers"),
         ({"control_timestep": 0.0}, "control_timestep 0~s"),
-        ({"settings": "adaptive"}, "fig12 adaptive MuJoCo"),
+        ({"settings": "exact"}, "fig12 exact MuJoCo"),
         ({"scene": replace(FIG12, friction=Friction(rolling=0.01))}, "resistance"),
         ({"largest_action": [1.0, 2.0, 3.0]}, "largest_action 2"),
     ],

@@ -32,6 +32,7 @@ pytestmark = pytest.mark.core
 FIG12, REGULAR = rb.load_scene("fig12"), rb.load_scene("classical_regular")
 ROUTH = rb.load_scene("routh_sphere")
 FAST = replace(rb.preset("fast"), stop_at_fault=False)
+ADAPTIVE = recipe("adaptive", 1e-11, integrator="DOP853", rtol=1e-15)
 BY_ERROR: dict[str, Any] = {"timestep": None, "integrator": "DOP853"}
 LAWS = (*limits.LAWS, *special_limits.LAWS)
 Predict = Callable[[PlannedRun], LimitCheck | None]
@@ -311,13 +312,13 @@ def test_a_fast_nutation_with_little_momentum_gives_no_warning() -> None:
 def test_the_trial_model_conserves_momentum_to_fourth_order(name: str) -> None:
     """With RK4 steps, for constant and for varying drives."""
     scene = rb.load_scene(name)
-    coarse, fine = (momentum_loss(scene, step, 0.4) for step in (8e-3, 4e-3))
+    coarse, fine = (momentum_loss(scene, "RK4", step, 0.4) for step in (8e-3, 4e-3))
     assert fine < 1e-9  # measured 3.5e-10 at most
     assert 3.8 < np.log2(coarse / fine) < 4.1  # measured 3.90 to 3.99
     # Runs of over 500 steps are extrapolated; a divergence is an infinite loss.
-    whole, part = (momentum_loss(scene, 8e-3, duration) for duration in (8.0, 4.0))
+    whole, part = (momentum_loss(scene, "RK4", 8e-3, duration) for duration in (8.0, 4.0))
     assert whole == pytest.approx(2 * part, rel=1e-12)
-    assert momentum_loss(scene, 5.0, 2500.0) == np.inf
+    assert momentum_loss(scene, "RK4", 5.0, 2500.0) == np.inf
 
 
 @pytest.mark.parametrize("name", ["fig12", "wobbling_drive"])
@@ -393,7 +394,9 @@ def test_a_slip_that_lifts_the_ball_is_told_with_the_slip_that_does_not() -> Non
 def test_presets_exceed_no_limit_on_catalog_scenes_and_random_balls() -> None:
     """Except "fast" on servo_motors, whose servos are too strong for steps of 20 ms."""
     for scene in (*map(rb.load_scene, rb.catalog()), *map(ball_of_points, range(4))):
-        beyond = [p for p in ("fast", "adaptive") if exceeded(scene, rb.preset(p), scene.times)]
+        beyond = [
+            p for p in ("fast", "efficient", "exact") if exceeded(scene, rb.preset(p), scene.times)
+        ]
         assert beyond == ["fast"] * (scene.name == "servo_motors"), scene.name
 
 
@@ -439,7 +442,7 @@ def test_the_advised_timestep_resolves_the_drive(frequency: float, preset: str) 
     assert not limit.exceeded
     # Measured 0.7 and 0.6.
     assert 0.2 < pair_of(scene, finer, times).path_error / limit.value < 2.0
-    assert special_limits.drive_seen(PlannedRun(scene, rb.preset("adaptive"), 0.5)) is None
+    assert special_limits.drive_seen(PlannedRun(scene, ADAPTIVE, 0.5)) is None
 
 
 def test_the_search_for_a_timestep_shortens_it_by_at_least_a_tenth() -> None:
@@ -473,7 +476,7 @@ def checks() -> Iterator[tuple[str, LimitCheck]]:
     dry = FIG12.with_hinges(motor={"rotor1": Free(friction=0.01)})
     turntable = rb.load_scene("turntable")
     for scene in (dry, turntable, *map(rb.load_scene, names)):
-        for settings in (rb.preset("naive"), rb.preset("adaptive"), recipe("x", 1e-2), other):
+        for settings in (rb.preset("naive"), ADAPTIVE, recipe("x", 1e-2), other):
             yield from limit_checks(PlannedRun(scene, settings, 10.0)).items()
     slick = replace(FIG12, friction=Friction(0.5, 0.5), duration=1.0)
     for scene in (slipping(1e3), slick):
@@ -493,7 +496,7 @@ def test_a_run_of_more_than_max_steps_is_refused() -> None:
         facts = f"{steps} 0.02~s max_steps 10000000"
         with pytest.raises(rb.InputError, match=naming(facts)):
             rb.simulate(FIG12, np.array([0.0, duration]), settings="fast")
-    motion = rb.simulate(FIG12, settings=replace(rb.preset("adaptive"), max_steps=100))
+    motion = rb.simulate(FIG12, settings=replace(ADAPTIVE, max_steps=100))
     (fault,) = motion.report.faults
     assert (motion.report.steps, fault.kind) == (100, rb.FaultKind.OUT_OF_STEPS)
     assert unnamed("max_steps 100", fault.text) == []
@@ -506,4 +509,4 @@ def test_adaptive_steps_of_stiff_servos_are_refused() -> None:
     scene = robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(500.0),))
     facts = naming("servos 1.98…e+07 adaptive")
     with pytest.warns(rb.SceneWarning), pytest.raises(rb.InputError, match=facts):
-        rb.simulate(scene, settings="adaptive")
+        rb.simulate(scene, settings=ADAPTIVE)

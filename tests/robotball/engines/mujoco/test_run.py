@@ -22,8 +22,8 @@ FIG12 = rb.load_scene("fig12")
     ("name", "settings", "bound"),
     [
         ("fig12", "accurate", 5.5e-12),  # 1.8e-12: RK4's error
-        ("fig12", "adaptive", 6e-14),  # 2.1e-14: rounding
-        ("classical_regular", "adaptive", 9e-14),  # 3.0e-14
+        ("fig12", "exact", 1.2e-13),  # 4e-14: rounding
+        ("classical_regular", "exact", 2e-13),  # 6e-14
     ],
 )
 def test_mujoco_follows_the_equations(name: str, settings: str, bound: float) -> None:
@@ -93,7 +93,8 @@ def test_adaptive_steps_too_short_to_finish_end_the_run(monkeypatch: pytest.Monk
     """Long before max_steps: near a standstill, 1000 steps may cover a millionth of the motion."""
     monkeypatch.setattr(adaptive, "_PACE", 100)
     monkeypatch.setattr(adaptive, "_ENDLESS", 100)
-    settings = replace(rb.preset("adaptive"), max_steps=600)  # fig12 takes 40 a second
+    settings = recipe("adaptive", 1e-11, integrator="DOP853", rtol=1e-15)
+    settings = replace(settings, max_steps=600)  # fig12 takes 40 a second
     (fault,) = rb.simulate(FIG12, rb.sample_times(40.0), settings=settings).report.faults
     assert (fault.kind, fault.fatal) == (rb.FaultKind.STEP_TOO_SHORT, True)
     assert fault.time < 4.0  # measured 3.2

@@ -15,6 +15,7 @@ from robotball.engines.mujoco.settings import (
     ADAPTIVE,
     CONSTANT,
     INTEGRATORS,
+    ORDER_8,
     OWN,
     VARYING,
     Prescribed,
@@ -64,7 +65,9 @@ def test_open_fields_come_from_the_recipe_for_a_constant_or_a_varying_load() -> 
     harder: dict[str, Any] = {"softness": 3e-4, "solref": (0.01, 1.0)}
     assert Resolved(worked("W5"), BALANCED).settings == replace(BALANCED, **VARYING, **harder)
     assert Resolved(worked("W5"), FAST).settings.solref == (0.04, 1.0)  # two timesteps
-    assert Resolved(worked("W5"), rb.preset("adaptive")).settings.solref == (0.004, 1.0)
+    exact = Resolved(worked("W5"), rb.preset("exact")).settings
+    assert exact.solref == pytest.approx((0.02 / 3, 1.0))
+    assert exact.noslip_iterations == 0
 
 
 SET: list[dict[str, Any]] = [
@@ -102,7 +105,7 @@ NUMBER = st.floats() | st.floats(1e-4, 1e4)
 SIZE = st.floats(-12, 12).map(lambda power: 10**power)
 PAIR = st.tuples(NUMBER, NUMBER) | st.tuples(SIZE, SIZE)
 FIELD_VALUES: dict[str, st.SearchStrategy[Any]] = {
-    "integrator": st.sampled_from([*OWN, ADAPTIVE, "rk5"]),
+    "integrator": st.sampled_from([*OWN, ORDER_8, ADAPTIVE, "rk5"]),
     "solver": st.sampled_from(["PGS", "CG", "Newton"]),
     "cone": st.sampled_from(["pyramidal", "elliptic"]),
     "condim": st.sampled_from([1, 3, 4, 6]),

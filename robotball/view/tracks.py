@@ -22,7 +22,7 @@ PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
     "fast": ("#B08900", (7, 2, 2, 2), "D"),
     "balanced": ("#009E73", (6, 2), "s"),
     "accurate": ("#CC79A7", (2, 2), "^"),
-    "efficient": ("#0072B2", (7, 2), "*"),
+    "efficient": ("#661100", (4, 2), "*"),
     "exact": ("#56B4E9", (1, 3), "v"),
     **dict.fromkeys(("best", "mended"), _SPARE[0]),
     **dict.fromkeys(("ideal", "contact", "kept"), _SPARE[1]),

@@ -101,23 +101,24 @@ class Order8:
         if not self._complete:
             self._evaluate(data, STAGES, _SLOPES)
             self._complete = True
-        part = (times - self._began) / self._length
-        powers = np.cumprod([part, 1 - part, part, 1 - part, part, 1 - part, part], axis=0)
+        powers = np.empty((len(_CURVE), len(times)))
+        powers[::2] = part = (times - self._began) / self._length
+        powers[1::2] = 1 - part
+        np.multiply.accumulate(powers, out=powers)
         weights = self._length * np.dot(powers.T, _CURVE)
         return np.asarray(self._known[0] + np.dot(weights, self._known[1:]))
 
     def rows(self, data: mujoco.MjData) -> tuple[bool, list[Array]]:
         """Return whether the last step began on a sample time, and the rows of those inside it."""
-        apart = _AT_SAMPLE * self._length
+        apart, t = _AT_SAMPLE * self._length, data.time
         at_begin = bool(len(self.pending) and self.pending[0] <= self._began + apart)
-        first, end = int(at_begin), int(np.searchsorted(self.pending, data.time - apart))
+        first, end = int(at_begin), int(self.pending.searchsorted(t - apart))
         inside, self.pending = self.pending[first:end], self.pending[end:]
         if not len(inside):
             return at_begin, []
-        after, t, rows, nq = np.append(data.qpos, data.qvel), data.time, [], len(data.qpos)
-        states = self.within(data, inside)
-        for data.time, state in zip(inside.tolist(), states, strict=True):
-            self._qpos[:], self._qvel[:] = state[:nq].data, state[nq:].data
+        after, rows, nq = np.concatenate([data.qpos, data.qvel]), [], len(data.qpos)
+        for time, state in zip(inside.tolist(), self.within(data, inside), strict=True):
+            data.time, self._qpos[:], self._qvel[:] = time, state[:nq].data, state[nq:].data
             self.control.forward(data, True)
             rows.append(read_row(data))
         put(data, t, after)

@@ -212,9 +212,9 @@ def test_mujoco_agrees_on_a_turntable(name: str, rotation: Any) -> None:
 
 
 def test_mujoco_runs_on_the_exact_circle() -> None:
-    """Over 10 s; measured 1.7e-11 of the path by *accurate* and 1.7e-14 by *adaptive*."""
+    """Over 10 s; measured 1.4e-11 of the path by *accurate* and 1.1e-13 by *exact*."""
     scene = rb.load_scene("turntable")
-    for preset, bound in (("accurate", 1e-10), ("adaptive", 1e-13)):
+    for preset, bound in (("accurate", 4e-11), ("exact", 4e-13)):
         motion = rb.simulate(scene, settings=preset)
         assert motion.report.faults == ()
         turn = 4j / 7
@@ -239,7 +239,7 @@ def test_a_pyramidal_cone_is_predicted_to_slip_on_a_turntable() -> None:
     assert unnamed("cone elliptic", checks["turning_plane"].warning) == []
     slip = rb.simulate(scene, times, settings="naive").report.slip
     assert slip[1:].mean() / 0.2 == pytest.approx(checks["turning_plane"].value, rel=0.2)
-    for preset in ("fast", "balanced", "accurate", "adaptive"):
+    for preset in ("fast", "balanced", "accurate", "efficient", "exact"):
         assert exceeded(scene, rb.preset(preset), times) == {}
 
 

@@ -29,6 +29,7 @@ from robotball.engines.mujoco.settings import (
     INTEGRATORS,
     MUJOCOS_DEFAULT,
     NAIVE,
+    ORDER_8,
     Prescribed,
     recipe,
     settings_from,
@@ -120,6 +121,7 @@ def configurations(quick: bool = False) -> list[Settings]:
         every = [
             *PRESETS.values(),
             *_lines((_RECIPE, NAIVE), _LINE, _ALL),
+            *_lines((_RECIPE,), _LINE[:6], (ORDER_8,)),
             *_adaptive(_RTOLS),
             *_star(_RECIPE, _SHOWN_STEPS, ("RK4",)),
             # With long steps, first-order errors would hide the effect of a choice.

@@ -56,7 +56,6 @@ _LONGEST = 0.1  # s, steps of order 8; the contact is stable up to 0.25
 # time constant is at least two timesteps.
 _VARYING_ORDER, _SOFT = 3.4, 1e-9
 RK4_EVALUATIONS, _ORDER_8_EVALUATIONS = 4, 12  # of the forces per step
-_SPARSE = 0.1  # s between the samples of a run that is only compared
 _INSIDE_ORDER = 7.0  # of the samples inside steps of order 8, by the interpolant
 _CERTAIN = 1.25  # factor of an estimate by two runs, which may be a tenth too small
 _ALIKE = 0.2  # logarithm of the ratio of steps whose runs are too alike to compare
@@ -158,7 +157,7 @@ class _Search:
             ratio = spans(stops, breakpoints, longest)[1].max() / step
             if abs(np.log(ratio)) > _ALIKE:
                 break
-        compared = self.made(other, apart=_SPARSE)
+        compared = self.made(other)
         if min(len(motion.times) - len(self.times), compared.times[-1] - self.times[-1]) < 0:
             return np.inf
         changes = [ratio**_INSIDE_ORDER] + [softer] * self.scene.load_varies

@@ -35,13 +35,13 @@ def reached_by(scene: rb.Scene, target: float, times: Array | None = None) -> Pa
     ("scene", "target", "integrator", "most"),
     [
         (FIG12, 1e-4, "RK4", 1.4),  # measured 1.33
-        (FIG12, 1e-8, "RK8", 2.2),  # 1.42: order 8, where 7 is assumed, as below
-        (rb.load_scene("spin_up_from_rest"), 1e-8, "RK8", 2.2),  # 1.25
-        (rb.load_scene("wobbling_drive"), 1e-10, "RK8", 3.0),  # 1.94
-        (ball_of_points(6), 1e-10, "RK8", 2.2),  # 1.48
-        (worked("W2"), 1e-9, "RK8", 2.2),  # 1.41
+        (FIG12, 1e-8, "RK8", 2.3),  # 1.78: order 8, where 7 is assumed, as below
+        (rb.load_scene("spin_up_from_rest"), 1e-8, "RK8", 2.3),  # 1.56
+        (rb.load_scene("wobbling_drive"), 1e-10, "RK8", 3.2),  # 2.42
+        (ball_of_points(6), 1e-10, "RK8", 2.3),  # 1.85
+        (worked("W2"), 1e-9, "RK8", 2.3),  # 1.76
         (worked("W4"), 1e-6, "RK4", 1.5),  # 1.39
-        (worked("W5"), 1e-10, "RK8", 1.5),  # 0.74: the load varies
+        (worked("W5"), 1e-10, "RK8", 1.6),  # 1.25: the load varies
     ],
     ids=lambda value: getattr(value, "name", None),
 )
@@ -56,7 +56,7 @@ def test_the_requested_accuracy_is_reached(
     assert estimate is not None
     assert estimate <= target
     assert as_own(pair.report.settings, rb.Settings, LABEL).integrator == integrator
-    assert 0.7 < estimate / error < most
+    assert 0.95 < estimate / error < most
 
 
 @pytest.mark.parametrize(
@@ -143,10 +143,10 @@ FIRST = 0.04084  # s, the step of the cost model for fig12 and an error of 1e-10
 
 
 def test_a_second_step_corrects_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the first run of order 8 has 3 times the requested error, 0.7 is estimated for the second.
+    """If the first run of order 8 has 3 times the requested error, 0.69 is estimated for the second.
 
     Each is compared with a run with √2 times its step, whose error is taken for 2^3.5 times as
-    large, but is 16 times as large: the estimate is 1.45 times the error.
+    large, but is 16 times as large: the estimate, a quarter larger, is 1.82 times the error.
     """
     sizes = fake_runs(
         monkeypatch,
@@ -154,15 +154,15 @@ def test_a_second_step_corrects_the_first(monkeypatch: pytest.MonkeyPatch) -> No
         lambda h: 3e-10 * (h / FIRST) ** 8,
     )
     motion = reach(FIG12, FIG12.times, 1e-10)
-    second = FIRST * (0.9 / (3 * 15 / (2**3.5 - 1))) ** (1 / 7)
+    second = FIRST * (0.9 / (3 * 1.25 * 15 / (2**3.5 - 1))) ** (1 / 7)
     expected = [FIRST, 2**0.5 * FIRST, second, 2**0.5 * second]
     assert sizes[2:] == pytest.approx(expected, rel=1e-2)
-    assert motion.report.estimated_error == pytest.approx(0.71e-10, rel=0.02)
+    assert motion.report.estimated_error == pytest.approx(0.685e-10, rel=0.02)
 
 
 @pytest.mark.parametrize(
     ("target", "floor", "signs", "estimate"),
-    [(1e-8, 1e-5, [1, -1], 1.95e-6), (1e-10, 1e-5, [1, -1], 1.94e-6), (1e-3, 0.02, [0, 1], 0.02)],
+    [(1e-8, 1e-5, [1, -1], 2.44e-6), (1e-10, 1e-5, [1, -1], 2.43e-6), (1e-3, 0.02, [0, 1], 0.02)],
 )
 def test_an_error_that_does_not_fall_is_reported(
     monkeypatch: pytest.MonkeyPatch, target: float, floor: float, signs: list[int], estimate: float
@@ -195,7 +195,7 @@ def test_the_error_of_a_chaotic_motion_is_estimated_correctly() -> None:
     pair = reached_by(rb.load_scene("fig14"), 1e-6, rb.sample_times(60.0, 0.1))
     estimate = pair.report.estimated_error
     assert estimate is not None
-    assert estimate / pair.path_error == pytest.approx(2.3, rel=0.3)  # the order is 9.5 here, not 7
+    assert estimate / pair.path_error == pytest.approx(2.9, rel=0.3)  # the order is 9.5 here, not 7
 
 
 def test_the_rate_of_a_scene_scales_with_its_drives_and_momentum() -> None:

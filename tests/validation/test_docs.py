@@ -91,8 +91,7 @@ def test_the_page_has_the_law_of_each_limit() -> None:
 
 def test_the_studies_are_those_of_today() -> None:
     """Numbers of configurations and cells agree with the program, and statements in words hold."""
-    # The study of the page was made with one preset less.
-    assert len(configurations()) == COST["configurations"] + 1
+    assert len(configurations()) == COST["configurations"]
     assert sum(len(cells_of(item)) for item in MAPS.values()) == EXTREMES["runs"]
     assert sum(sum(item.values()) for item in EXTREMES["outcomes"].values()) == EXTREMES["runs"]
     assert outcomes_table(EXTREMES["outcomes"]) in DOCS["extremes.md"]

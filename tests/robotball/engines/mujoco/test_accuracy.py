@@ -143,7 +143,7 @@ FIRST = 0.04084  # s, the step of the cost model for fig12 and an error of 1e-10
 
 
 def test_a_second_step_corrects_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the first run of order 8 has 3 times the requested error, 0.69 is estimated for the second.
+    """If the first run of order 8 is off by 3 times the request, the second is estimated at 0.69.
 
     Each is compared with a run with √2 times its step, whose error is taken for 2^3.5 times as
     large, but is 16 times as large: the estimate, a quarter larger, is 1.82 times the error.

@@ -95,7 +95,7 @@ def causes_of(checked: Checked) -> list[str]:
         causes.append(f"{change.name}: {change.words} ({worth} without this change)")
     causes += [checked.short] if checked.short and seen.theory.ended else []
     rolls = seen.theory.slipping or seen.theory.path_length >= seen.user.robot.radius
-    helped = rolls and needed and checked.mended_error <= seen.accuracy
+    helped = (rolls or seen.symptoms.diverged) and needed and checked.mended_error <= seen.accuracy
     unusual = [*slip_causes(seen), *unusual_numbers(seen.user, seen.theory.scene)]
     meant = {"gear": True, "start": not is_shock(seen.user, seen.theory)}
     meant["gravity"] = bool(seen.theory.slipping)

@@ -1,0 +1,62 @@
+"""`check` answers questions that people asked in public about balls in simulators.
+
+The files are our own, with the numbers of the questions. The truth is a formula.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from robotball.engines.mujoco.user_model import UserModel
+from robotball.robot.drives import Constant
+from robotball.user_model import robot_file
+from robotball.user_model.robot_file import open_robot
+from tests.messages import unnamed
+from tests.validation.check.test_check import silent
+from validation.check.ablate import Checked, check_model
+from validation.check.say import causes_of
+
+G = 9.81  # m/s²
+FLOOR = '<geom name="floor" type="plane" size="9 9 .1"/>'
+
+
+def ball(radius: float, start: str = "", *, floor: str = FLOOR, **of: str) -> str:
+    """Return the file of a solid ball on a floor. start: its qvel.
+
+    of: at, quat, joint and inertial of its body; others are attributes of the geom.
+    """
+    body = f'pos="{of.pop("at", f"0 0 {radius}")}" quat="{of.pop("quat", "1 0 0 0")}"'
+    joint, inertial = of.pop("joint", "<freejoint/>"), of.pop("inertial", "")
+    more = " ".join(f'{name}="{value}"' for name, value in of.items())
+    key = f'<keyframe><key qvel="{start}"/></keyframe>' if start else ""
+    return f"""<mujoco><worldbody>{floor}<body name="body" {body}>{joint}{inertial}
+<geom name="ball" type="sphere" size="{radius}" {more}/></body></worldbody>{key}</mujoco>"""
+
+
+def arm(joint: str = "", option: str = "", actuator: str = "motor", head: str = "") -> str:
+    """Return the file of a ball with a weight on a hinge inside, which `drive` moves."""
+    return f"""<mujoco>{head}<option {option}/><worldbody>{FLOOR}<body pos="0 0 .15"><freejoint/>
+<geom name="ball" type="sphere" size=".15" mass="1"/>
+<body name="arm"><joint name="hinge" axis="0 1 0" {joint}/>
+<inertial pos="0 0 -.01" mass=".3" diaginertia="1e-4 1e-4 1e-4"/></body></body></worldbody>
+<actuator><{actuator} name="drive" joint="hinge"/></actuator></mujoco>"""
+
+
+@pytest.fixture(autouse=True)
+def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Skip the subprocess that loads a file first."""
+    monkeypatch.setattr(robot_file, "check_loads", lambda path: None)
+
+
+def checked(folder: Path, text: str, duration: float = 1.0, **controls: float) -> Checked:
+    path = folder / "robot.xml"
+    path.write_text(text)
+    drives = {name: Constant(value) for name, value in controls.items()}
+    return check_model(UserModel(open_robot(path), drives, None), None, duration, 1e-3, silent)
+
+
+def test_a_gain_is_the_cause_of_a_file_that_diverges_and_not_a_gear(tmp_path: Path) -> None:
+    """RK4 takes damping explicitly: 0.4·0.002/1.21e-4 = 6.6, above 2.79. Before: the gear."""
+    answer = checked(tmp_path, arm('damping=".4"', 'integrator="RK4"'), drive=0.05)
+    assert answer.mended_error < 1e-3  # 3e-4: the contact is soft
+    assert unnamed("gain damping 6.59 2.79 implicitfast", causes_of(answer)[0]) == []

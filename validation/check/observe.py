@@ -19,6 +19,7 @@ from robotball import InputError, Scene, integrate
 from robotball.engines.mujoco.user_model import ALOFT_HEIGHT, Symptoms, UserModel, observed, turned
 from robotball.errors import SceneWarning
 from robotball.motion import ContactMotion, ReferenceMotion
+from robotball.robot.ball import imbalance
 from robotball.robot.drives import Constant, Drive, as_drive
 from robotball.robot.formulas import Rolling
 from robotball.robot.scene import DOWN, GRAVITY
@@ -351,9 +352,9 @@ def _at_rest(user: UserModel) -> bool:
 def resistance_per_deceleration(scene: Scene) -> float | None:
     """Return the rolling friction [m] that slows a ball down by 1 m/s²: a(1 + k)/g.
 
-    None for a robot with joints, or on a slope.
+    None for a robot with joints, on a slope, or with its centre of mass off the sphere's.
     """
-    if scene.hinges or not scene.level:
+    if scene.hinges or not scene.level or imbalance(scene.ball):
         return None
     momentum = scene.momentum_of(scene.start.to_world.T @ [1.0, 0.0, 0.0])
     return float(np.linalg.norm(momentum)) / (scene.ball.mass * scene.gravity * scene.ball.radius)

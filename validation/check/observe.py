@@ -36,6 +36,7 @@ _INTERVAL = 0.01  # s between compared samples; at least one step
 _READ_INTERVAL = 1e-3  # s between states whose contacts are read; at least one step
 _SHORTEST_STEP = 1e-7  # s: with a shorter timestep a check takes many minutes
 _LEAST_PATH = 0.1  # of the radius: no verdict on a shorter motion
+_SUNK = 0.1  # of the radius: a soft contact holds the sphere higher
 _STUCK = 0.05  # of the distance that the reference reaches
 _SHOCK_STEPS = 3
 _SMALL_INERTIA = 1e-2  # of a solid ball: larger ones are usual
@@ -160,6 +161,8 @@ def observe(
         path[theory.times >= symptoms.until] = np.nan
     elif path[0, 2] < -ALOFT_HEIGHT * robot.radius:
         failure = f"starts {-path[0, 2]:.3g} m in the plane"
+    elif (sunk := -np.nanmin(path[:, 2])) > _SUNK * robot.radius:
+        failure = f"sinks {sunk:.2g} m into the plane"
     elif impossible := [words for words, never in unusual_inertias(robot) if never]:
         failure = f"no body can have its numbers: {impossible[0]}"
     elif not judged:

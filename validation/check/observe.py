@@ -30,6 +30,7 @@ from robotball.user_model.robot_file import RobotFile, body_name, gears_of, roll
 from ..output import Show
 
 _GRAVITY = 0.02  # relative difference from the Earth: a smaller one is usual
+_TURNS = 5.0  # of a hinge's range: fewer are usual
 _ROLLING_FRICTION = 0.1  # of the radius: less is usual
 _SMALL_GEAR = 0.01  # larger ones are usual
 _INTERVAL = 0.01  # s between compared samples; at least one step
@@ -380,6 +381,7 @@ def unusual_numbers(user: UserModel, scene: Scene) -> Iterator[tuple[str, str]]:
     if rolling > _ROLLING_FRICTION * radius:
         words = f"declared rolling friction is {rolling:g} m, {rolling / radius:.0%} of the radius"
         yield "resistance", words
+    yield from (("range", words) for words in _ranges_of_many_turns(user.robot.model))
     yield from _unusual_gears(scene)
 
 
@@ -404,6 +406,18 @@ def _unusual_gears(scene: Scene) -> Iterator[tuple[str, str]]:
             elif abs(gear) <= _SMALL_GEAR:
                 only = f"with a gear of only {gear:g}" if gear else "not at all: its gear is 0"
                 yield "gear", f"{actuator.name} moves {name} {only}"
+
+
+def _ranges_of_many_turns(model: Any) -> Iterator[str]:
+    """Yield ranges of hinges, in rad, that would be usual in degrees."""
+    limited = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)) & (model.jnt_limited != 0)
+    for i in np.flatnonzero(limited).tolist():
+        low, high = model.jnt_range[i]
+        if (turns := (high - low) / (2 * np.pi)) > _TURNS:
+            words = (
+                f"{model.joint(i).name} has the range {low:g} to {high:g} rad, {turns:.3g} turns"
+            )
+            yield f'{words}; if these are degrees, the compiler needs angle="degree"'
 
 
 def _extent(model: Any, data: Any, body: int, point: Array) -> float:

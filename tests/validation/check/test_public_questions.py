@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
+import robotball as rb
 from robotball.engines.mujoco.user_model import UserModel
 from robotball.robot.drives import Constant
 from robotball.user_model import robot_file
 from robotball.user_model.robot_file import open_robot
-from tests.messages import unnamed
+from tests.messages import naming, unnamed
 from tests.validation.check.test_check import silent
 from validation.check.ablate import Checked, check_model
 from validation.check.say import causes_of
@@ -78,3 +79,11 @@ def test_a_ball_that_rocks_is_not_said_to_roll_for_ever(tmp_path: Path) -> None:
     assert answer.resistance is None
     x, y = answer.observation.theory.contact_point[-1]
     assert x == pytest.approx(y, rel=1e-6)  # it rocks along the diagonal
+
+
+def test_a_range_of_many_turns_may_be_in_degrees(tmp_path: Path) -> None:
+    """90 rad each way are 28.6 turns, and a command of 45 rad lifts the ball off."""
+    radian = '<compiler angle="radian"/>'
+    text = arm('range="-90 90"', 'integrator="implicitfast"', 'position kp="30" kv=".3"', radian)
+    with pytest.raises(rb.InputError, match=naming("lifts range -90 90 28.6~turns degree")):
+        checked(tmp_path, text, drive=45)

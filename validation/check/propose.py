@@ -41,6 +41,7 @@ _EULER_ID, _RK4_ID = map(int, (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtInteg
 _SPRING_LIMITS = {"EULER": 4.0, "RK4": 8.0}
 SHORTEST_STEP = 1e-4  # s, of trials
 _EXPLICIT = {_EULER_ID: INTEGRATORS["Euler"], _RK4_ID: INTEGRATORS["RK4"]}
+_SAME_SLIP = 1e-3  # of the slip of a start: what may be left of it
 _MOST_PAIRS = 5  # of geoms that are named
 
 
@@ -265,7 +266,21 @@ def slip_causes(seen: Observation) -> Iterator[tuple[str, str]]:
         *slip, spin = scene.start.slip.tolist()
         speeds = [f"its contact point starts at {np.hypot(*slip):.3g} m/s"] * any(slip)
         speeds += [f"it starts with a spin of {spin:.3g} rad/s"] * bool(spin)
-        yield "start", " and ".join(speeds)
+        in_world = _rolls_in_world_axes(seen.user)
+        words = " and ".join(speeds)
+        if in_world:
+            words += "; it rolls with its angular velocity in world axes, but qvel has body axes"
+        yield "axes" if in_world else "start", words
+
+
+def _rolls_in_world_axes(user: UserModel) -> bool:
+    """Return whether a start that slips rolls if its angular velocity is read in world axes."""
+    robot, data = user.robot, user.begin()
+    turning = data.qvel[robot.drift.stop :][:3]
+    change = turning - data.xmat[robot.root].reshape(3, 3) @ turning
+    slip, normal = robot.slip(data), robot.above_plane(data)[0]
+    left = slip - robot.radius * np.cross(change, normal)
+    return bool(np.linalg.norm(left) < _SAME_SLIP * np.linalg.norm(slip))
 
 
 def _slip(seen: Observation, step: float) -> Iterator[Change]:

@@ -290,7 +290,9 @@ def _slip(seen: Observation, step: float) -> Iterator[Change]:
     settings: Any = for_slip(seen.theory.scene, euler, step)
     names = ("solref", "solimp", "solreffriction")
     values = {name: _digits(*getattr(settings, name)) for name in names}
-    words = "the contact breaks Coulomb's law: it lifts a sphere that slips, and holds it too late"
+    aside = ", pulls it aside" * (seen.option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC))
+    words = f"the contact breaks Coulomb's law: it lifts a sphere that slips{aside}"
+    words += ", and holds it too late"
     option = {"cone": "elliptic", "impratio": _digits(settings.impratio)}
     yield Change("slip", words, pair=values, option=option)
 

@@ -384,7 +384,7 @@ def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[tuple[str
     if len(_floors(model, sphere)):
         return
     if others := _standing(model, sphere):
-        floor = f"{_kind(model, others[0])}, and the equations need a plane or a level box"
+        floor = f"{_kind(model, others[0])}, and the equations need a plane or a box"
         raise InputError(f'{floor}: put <geom type="plane" size="1 1 .1"/> there')
     roots = model.body_rootid[model.geom_bodyid]
     if len(moving := np.flatnonzero(_solid(model) & (roots != roots[sphere]))):
@@ -410,8 +410,8 @@ def _floors(model: Any, sphere: int) -> Any:
         return planes
     boxes = [i for i in _standing(model, sphere) if model.geom_type[i] == _BOX]
     data, down = _placed(model), model.opt.gravity / (np.linalg.norm(model.opt.gravity) or 1.0)
-    level = data.geom_xmat[boxes][:, 2::3] @ down < -LEVEL
-    return np.array(boxes, dtype=int)[level]
+    faces = data.geom_xmat[boxes][:, 2::3] @ down < -_FACES
+    return np.array(boxes, dtype=int)[faces]
 
 
 def _floor(model: Any, sphere: int) -> int:

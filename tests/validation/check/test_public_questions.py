@@ -56,6 +56,14 @@ def checked(folder: Path, text: str, duration: float = 1.0, **controls: float) -
     return check_model(UserModel(open_robot(path), drives, None), None, duration, 1e-3, silent)
 
 
+def test_a_ball_rolls_down_a_tilted_box_as_down_a_plane(tmp_path: Path) -> None:
+    """By 5/14 g sin 30° in 1 s, to 1e-6. Before, a tilted box was refused."""
+    ramp = '<geom type="box" size="20 5 .5" euler="0 30 0"/>'
+    answer = checked(tmp_path, ball(0.5, floor=ramp, at="0.5 0 0.8660254"))
+    assert answer.observation.theory.path_length == pytest.approx(5 / 14 * G / 2, rel=1e-5)
+    assert answer.observation.error < 5e-3  # 2.2e-3: the contact is soft
+
+
 def test_the_pyramid_is_named_that_pulls_a_pool_ball_aside(tmp_path: Path) -> None:
     """Before, the cause was only that the contact lifts the ball and holds it too late."""
     cloth = FLOOR.replace("/>", ' friction=".2 .005 .0001"/>')

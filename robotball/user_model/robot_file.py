@@ -222,12 +222,23 @@ class RobotFile:
                 if self.rolls(contact.geom.tolist()):
                     touching = contact
                 if words := self.real_contact(data, contact):
-                    rule = "only the sphere may touch the plane, and only joints hold bodies"
-                    remedy = "give geoms for drawing contype and conaffinity 0"
-                    raise InputError(f"{words}: {rule}; {remedy}")
+                    raise InputError(f"{words}: {self._rule(contact.geom.tolist(), gap)}")
         if touching is None:
             raise InputError("the sphere passes through the plane: check contype and conaffinity")
         return touching
+
+    def _rule(self, pair: Iterable[int], gap: float) -> str:
+        """Return which rule two geoms break that touch at a height above the plane [m] or below."""
+        model, bodies = self.model, [self.model.geom_bodyid[i] for i in pair if not self.is_own(i)]
+        if not bodies:
+            rule = "only the sphere may touch the plane, and only joints hold bodies"
+            return f"{rule}; give geoms for drawing contype and conaffinity 0"
+        if model.body_weldid[bodies[0]]:
+            other = body_name(model, model.body_rootid[bodies[0]])
+            return f"{other} moves on its own, and the equations have one robot: take {other} out"
+        if gap > _HEIGHT * self.radius:
+            return f"it starts {gap:.3g} m above the plane, and would fall on that: start lower"
+        return "only the plane may touch the robot at its start"
 
     def rolls(self, pair: Iterable[int]) -> bool:
         """Return whether two geoms are the sphere and the plane."""
@@ -405,7 +416,7 @@ def _placed(model: Any) -> Any:
 
 
 def _floors(model: Any, sphere: int) -> Any:
-    """Return the numbers of the planes, or else of the boxes that stand level under the sphere."""
+    """Return the numbers of the planes, or else of the boxes whose top faces gravity."""
     if len(planes := np.flatnonzero(model.geom_type == _PLANE)):
         return planes
     boxes = [i for i in _standing(model, sphere) if model.geom_type[i] == _BOX]
@@ -437,7 +448,9 @@ def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[tupl
         _add_free_joint(spec, model, root)
         yield "freejoint", f"{name} has no joint and is fixed to the world; it gets a <freejoint/>"
     elif joints != [_FREE]:
-        raise InputError(f"{name} is joined to the world with other joints; give it a freejoint")
+        own = np.flatnonzero(model.jnt_bodyid == root).tolist()
+        others = ", ".join(model.joint(i).name or f"joint {i}" for i in own)
+        raise InputError(f"{name} needs a <freejoint/> in place of {others}")
     else:
         joint, found = spec.bodies[root].joints[0], dict[str, str]()
         for kind in ("damping", "armature", "frictionloss", "stiffness"):
@@ -470,7 +483,7 @@ def _add_free_joint(spec: Any, model: Any, root: int) -> None:
 _UNSUPPORTED = {
     "an equality constraint": "eq_active0",
     "the drag of a medium (density or viscosity)": "opt.density opt.viscosity",
-    "gravcomp": "body_gravcomp",
+    "gravcomp, which takes weight off the plane,": "body_gravcomp",
     "a tendon with a spring, a damper, friction or limits":
         "tendon_stiffness tendon_damping tendon_frictionloss tendon_limited",
     "an actuatorfrcrange or armature of a tendon": "tendon_actfrclimited tendon_armature",

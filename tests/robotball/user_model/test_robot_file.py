@@ -308,7 +308,7 @@ REFUSED = {
     "arm ball~joint":
         ("<freejoint/>",
          '<freejoint/><body name="arm"><joint type="ball"/><geom size=".1"/></body>'),
-    "ball world joints":
+    "ball <freejoint/> joint~0 joint~1":
         ("<freejoint/>", '<joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>'),
     "equality":
         ("<actuator>", '<equality><joint joint1="axle" joint2="spin"/></equality><actuator>'),
@@ -332,7 +332,7 @@ REFUSED = {
         ("<actuator>", f'{TWO_JOINTS}<motor name="both" tendon="two" armature=".001"/>'),
     "two armature damping joint":
         ("<actuator>", f'{TWO_JOINTS}<motor name="two" tendon="two" damping=".001"/>'),
-    "hull cart sphere":
+    "hull cart one~robot":
         ("<worldbody>", '<worldbody><body name="cart" pos="0 0 .1"><freejoint/>'
          '<geom size=".01" mass=".1"/></body>'),
     "no.stl rock":

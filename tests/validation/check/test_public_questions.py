@@ -105,6 +105,27 @@ def test_a_ball_that_rocks_is_not_said_to_roll_for_ever(tmp_path: Path) -> None:
     assert x == pytest.approx(y, rel=1e-6)  # it rocks along the diagonal
 
 
+SLAB = '<geom name="slab" type="box" size=".1 .1 .01" pos="0 0 .05" euler="0 30 0"/>'
+TOWER = """<body name="tower" pos="0 0 .33"><freejoint/><geom type="cylinder" size=".1 .1"/>
+<geom name="foot" size=".03" pos="0 0 -.11"/></body>"""
+SLIDES = '<joint name="slide_x" type="slide" axis="1 0 0"/><joint name="turn" axis="0 0 1"/>'
+REFUSED = {
+    "a ramp below": (ball(0.01, floor=FLOOR + SLAB, at="0 0 .3"), "slab 0.29~m above plane"),
+    "a tower on top": (ball(0.1, floor=FLOOR + TOWER, at="0 0 .1"), "tower moves one~robot"),
+    "slides": (ball(0.1, joint=SLIDES), "<freejoint/> place slide_x, turn"),
+    "no weight": (ball(0.1).replace("<body ", '<body gravcomp="1" '), "gravcomp weight plane"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_refusal_names_what_the_file_has_and_the_equations_do_not(
+    name: str, tmp_path: Path
+) -> None:
+    text, facts = REFUSED[name]
+    with pytest.raises(rb.InputError, match=naming(facts)):
+        checked(tmp_path, text)
+
+
 def test_a_range_of_many_turns_may_be_in_degrees(tmp_path: Path) -> None:
     """90 rad each way are 28.6 turns, and a command of 45 rad lifts the ball off."""
     radian = '<compiler angle="radian"/>'

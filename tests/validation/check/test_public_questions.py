@@ -5,13 +5,14 @@ The files are our own, with the numbers of the questions. The truth is a formula
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import robotball as rb
 from robotball.engines.mujoco.user_model import UserModel
 from robotball.robot.drives import Constant
 from robotball.user_model import robot_file
-from robotball.user_model.robot_file import open_robot
+from robotball.user_model.robot_file import friction_source, open_robot
 from tests.messages import naming, unnamed
 from tests.validation.check.test_check import silent
 from validation.check.ablate import Checked, check_model
@@ -64,11 +65,38 @@ def test_a_ball_rolls_down_a_tilted_box_as_down_a_plane(tmp_path: Path) -> None:
     assert answer.observation.error < 5e-3  # 2.2e-3: the contact is soft
 
 
+def test_a_ball_on_a_ramp_beyond_7_2_of_its_friction_slides(tmp_path: Path) -> None:
+    """With 45°, friction 0.2 and a need of 2/7."""
+    steep = '<geom type="plane" size="9 9 .1" euler="0 45 0" friction=".2 .005 .0001"/>'
+    answer = checked(
+        tmp_path, ball(0.1, floor=steep, at="0.0707107 0 0.0707107", friction=".2 .005 .0001")
+    )
+    assert unnamed("friction 0.2 0.29", causes_of(answer)[0]) == []
+
+
+def test_a_bowling_ball_slides_for_two_sevenths_of_its_speed_over_its_friction(
+    tmp_path: Path,
+) -> None:
+    """For 1.2417 s, to 5/7 of 8.1 m/s; the interval is right to a sample of 0.01 s or better."""
+    lane = FLOOR.replace("/>", ' friction=".19 .005 .0001"/>')
+    text = ball(0.11, "8.1 0 0 0 0 0", floor=lane, mass="6", friction=".19 .005 .0001")
+    theory = checked(tmp_path, text, 1.5).observation.theory
+    assert theory.slipping[-1][1] == pytest.approx(2 * 8.1 / (7 * 0.19 * G), rel=1e-6)
+    speed = np.diff(theory.contact_point[-2:, 0])[0] / np.diff(theory.times[-2:])[0]
+    assert speed == pytest.approx(5 / 7 * 8.1, rel=1e-6)
+
+
 def test_the_pyramid_is_named_that_pulls_a_pool_ball_aside(tmp_path: Path) -> None:
     """Before, the cause was only that the contact lifts the ball and holds it too late."""
     cloth = FLOOR.replace("/>", ' friction=".2 .005 .0001"/>')
     text = ball(0.028575, "2 .8 0 0 0 0", floor=cloth, mass=".17", friction=".2 .005 .0001")
     assert unnamed("slip aside", causes_of(checked(tmp_path, text, 2.0))[0]) == []
+
+
+def test_a_friction_of_zero_does_not_let_a_ball_glide_on_a_rough_floor(tmp_path: Path) -> None:
+    path = tmp_path / "robot.xml"
+    path.write_text(ball(0.0375, mass=".067", condim="6", friction="0 0 0"))
+    assert unnamed("larger floor~(1) ball~(0)", friction_source(open_robot(path))) == []
 
 
 def test_the_axes_of_qvel_are_named_if_a_start_rolls_in_world_axes(tmp_path: Path) -> None:
@@ -94,6 +122,14 @@ def test_a_ball_that_sinks_is_not_only_off_its_path(tmp_path: Path) -> None:
     assert unnamed("sinks m", answer.observation.failure or "") == []
     assert unnamed("cone pyramid", causes_of(answer)[0]) == []
     assert answer.mended_error < 1e-3  # 5e-4: the contact is soft
+
+
+def test_a_football_is_told_what_would_stop_it(tmp_path: Path) -> None:
+    """Within 10 s from 1.5 m/s: a r(1 + k)/g = 0.00235 m, right to the reference's 1e-5."""
+    text = ball(0.11, f"1.5 0 0 0 {1.5 / 0.11} 0", mass=".45")
+    resistance = checked(tmp_path, text).resistance
+    assert resistance is not None
+    assert resistance.friction == pytest.approx(0.15 * 0.11 * 1.4 / G, rel=1e-4)
 
 
 def test_a_ball_that_rocks_is_not_said_to_roll_for_ever(tmp_path: Path) -> None:

@@ -156,7 +156,21 @@ def scene_schema() -> dict[str, Any]:
     for record in schema["$defs"].values():
         # Docstrings, which Python indents differently before 3.13.
         record["description"] = cleandoc(record.get("description", ""))
-    return {"$schema": draft, **schema}
+    return {"$schema": draft, **_plain_lists(schema)}
+
+
+def _plain_lists(schema: Any) -> Any:
+    """Return the schema with `items` in place of `prefixItems`, whose items are all alike here.
+
+    TOML editors know draft 7 only, in which the `items: false` beside them refuses every list.
+    """
+    if isinstance(schema, list):
+        return [*map(_plain_lists, schema)]
+    if not isinstance(schema, dict):
+        return schema
+    first = {"items": schema["prefixItems"][0]} if "prefixItems" in schema else {}
+    kept = {name: value for name, value in schema.items() if name != "prefixItems"}
+    return {name: _plain_lists(value) for name, value in (kept | first).items()}
 
 
 def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | None = None) -> Scene:

@@ -338,10 +338,16 @@ def _points_of(text: str) -> list[tuple[float, float]]:
     return points
 
 
-def scenes() -> int:
-    """List the scenes of the catalog.
+def scenes(*, copy: Annotated[str | None, Parameter(metavar="NAME")] = None) -> int:
+    """List the scenes of the catalog, or copy one to start a file of your own.
 
-    Example: robotball scenes
+    Example: robotball scenes --copy pendulum_robot
+
+    Parameters
+    ----------
+    copy
+        Write this scene's file into the current folder, and beside it a JSON schema with which an
+        editor completes and checks the keys.
     """
     from rich import box
     from rich.console import Console
@@ -352,10 +358,34 @@ def scenes() -> int:
 
     from ..output import print_whole
 
+    if copy is not None:
+        return _copy(copy)
     table = Table("scene", "rolling", "duration", "title", box=box.SIMPLE_HEAD)
     for name, head in heads().items():
         table.add_row(name, head["rolling"], f"{head['duration']:g} s", escape(head["title"]))
     print_whole(table, Console())
+    return options.AGREES
+
+
+def _copy(name: str) -> int:
+    """Copy a scene of the catalog, and write the schema that the copy's first line names."""
+    from robotball import InputError, catalog, scene_schema
+    from robotball.errors import unknown
+    from robotball.files import json_text
+    from robotball.scene_files.scene_file import CATALOG
+
+    from ..output import program, write_text
+
+    if name not in catalog():
+        raise unknown("scene", name, catalog())
+    file, schema = Path(f"{name}.toml"), Path("robotball.schema.json")
+    if file.exists():
+        raise InputError(f"{file} exists: rename it, or copy the scene in another folder")
+    write_text(schema, json_text(scene_schema(), indent=1) + "\n")
+    text = (CATALOG / file).read_text(encoding="utf-8")
+    write_text(file, f"#:schema ./{schema}\n{text}")
+    print(f"{file}, and {schema}, with which an editor completes and checks its keys")
+    print(f"Change it, then: {program()} compare {file}")
     return options.AGREES
 
 

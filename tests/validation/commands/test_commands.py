@@ -561,3 +561,20 @@ def test_modules_in_the_current_folder_are_not_imported(tmp_path: Path, argument
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode < 2, done.stderr
     assert list(tmp_path.glob("*-ran")) == []
+
+
+def test_a_copied_scene_is_the_catalogs_and_is_never_overwritten(robotball: Robotball) -> None:
+    """Its first line names the schema beside it, and the output the next command."""
+    status, said, _ = robotball("scenes", "--copy", "pendulum_robot")
+    assert (status, unnamed("pendulum_robot.toml robotball.schema.json compare", said)) == (0, [])
+    file = Path("pendulum_robot.toml")
+    kind, _, schema = file.read_text().splitlines()[0].partition(" ")
+    assert kind == "#:schema"
+    assert Path(schema).read_text() == (PROJECT / "docs" / "scene.schema.json").read_text()
+    assert rb.load_scene(file) == rb.load_scene("pendulum_robot")
+    file.write_text("mine")
+    status, _, warned = robotball("scenes", "--copy", "pendulum_robot")
+    assert (status, file.read_text()) == (2, "mine")
+    assert unnamed("pendulum_robot.toml rename", warned) == []
+    status, _, warned = robotball("scenes", "--copy", "pendulum")
+    assert (status, unnamed("pendulum pendulum_robot", warned)) == (2, [])

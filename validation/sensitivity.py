@@ -131,10 +131,19 @@ def growth(theory: Motion) -> float | None:
     It replaces `sensitivity` in closed loops, because a controller cannot start in the middle of a
     motion. None if the neighbouring motion ends early.
     """
-    error = np.zeros(8 + 2 * len(_moving(theory.scene)))
-    error[:3] = _NEAR * _TURN
-    near = integrate(_started(theory, 0, error), theory.times)
+    near = integrate(neighbour(theory), theory.times)
     return None if len(near.times) < len(theory.times) else path_error(near, theory) / _NEAR
+
+
+def neighbour(motion: Motion, hinges: bool = False) -> Scene:
+    """Return the scene of a motion with a slightly rotated start.
+
+    hinges: also disturb angles and rates of the hinges with motors.
+    """
+    error = np.zeros(8 + 2 * len(_moving(motion.scene)))
+    error[:3] = _NEAR * _TURN
+    error[6:-2] = _NEAR * hinges
+    return _started(motion, 0, error)
 
 
 def chaotic(scene: Scene, duration: float = _LONG) -> bool:

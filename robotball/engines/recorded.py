@@ -8,6 +8,7 @@ import contextlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,7 +193,7 @@ def load_motion(path: str | Path, scene: Scene | str | Path) -> Motion:
     with named(path):
         arrays = arrays_of(table, scene)
     loads = {place[1]: array for place, array in arrays.items() if place[0] == "loads"}
-    data = {place[0]: array for place, array in arrays.items() if len(place) == 1}
+    data: Any = {place[0]: array for place, array in arrays.items() if len(place) == 1}
     return Motion(scene=scene, engine=_label(table.header, path.stem), **data, loads=Loads(**loads))
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robotball.errors import LARGEST, InputError, call_users, unknown
-from robotball.robot.controllers import SENSORS, Controller, Reading, Sensors
+from robotball.robot.controllers import SENSORS, Call, Controller, Reading, Sensors
 from robotball.robot.drives import Constant
 from robotball.robot.function_drives import HeldCommand
 from robotball.robot.motors import NO_LIMITS, Free
@@ -39,6 +39,8 @@ class Loop:
     ----------
     scene : Scene
         The scene with the held commands; pass this one to the engine.
+    calls : list of Call
+        The calls so far.
     """
 
     def __init__(self, scene: Scene, controller: Controller) -> None:
@@ -64,6 +66,7 @@ class Loop:
         self.random = np.random.default_rng(controller.sensors.seed)
         self.measured = self.called = self.applied = 0
         self.readings, self.answers = deque[Reading](), deque[dict[str, float]]()
+        self.calls: list[Call] = []
 
     def reach(self, t: float, sense: Callable[[], TrueReading]) -> None:
         """Sample the sensors, call the controller and apply its commands, if due at time t [s].
@@ -75,7 +78,10 @@ class Loop:
             self.readings.append(self._read(self.measured * controller.period, sense()))
             self.measured += 1
         while self.called * controller.period <= until:
-            self.answers.append(self._call(self.readings.popleft()))
+            reading = self.readings.popleft()
+            self.answers.append(self._call(reading))
+            held = self.calls[-1].commands if self.calls else {}
+            self.calls.append(Call(reading, {**held, **self.answers[-1]}))
             self.called += 1
         while self.applied * controller.period + controller.delay <= until:
             for name, value in self.answers.popleft().items():

@@ -221,8 +221,9 @@ def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = Fal
     from robotball import InputError
 
     from ..comparing import film as write_film
-    from ..comparing import motions_of, note_of
-    from ..output import program, write_text
+    from ..comparing import motions_of, note_of, shifted
+    from ..margins import margins_of
+    from ..output import program, progress_bar, write_text
     from ..report.scene_report import report as page_of
     from ..results import file_stem, record, scenes_of, show
 
@@ -230,6 +231,12 @@ def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = Fal
         raise InputError("report needs a scene; `robotball scenes` lists the catalog")
     loaded = list(scenes_of(scenes, run.scene).values())
     agreements = run.agreements(loaded)
+    loops = {run.scene.name: run.theory for run in agreements if run.scene.controller}
+    with progress_bar(2 * len(loops)) as bar:
+        margins = {
+            name: margins_of(theory, shifted(bar, 2 * i))
+            for i, (name, theory) in enumerate(loops.items())
+        }
     # The agreements of the first scene stand first, as many as each scene has.
     first = agreements[: len(agreements) // len(loaded)]
     stem = file_stem(first)
@@ -245,7 +252,9 @@ def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = Fal
 
             how = Film(size=_FILM, ghost=len(first) > 1, note=note_of(first))
             write_film(movie, motions_of(first, "video"), how)
-        write_text(path, page_of(agreements, command, movie))
+        write_text(path, page_of(agreements, command, movie, margins))
     show(list(map(record, agreements)), Console())
+    for name, found in margins.items():
+        print(*(f"{name}: {margin}" for margin in found), sep="\n")
     print(path)
     return options.AGREES if all(run.agrees for run in agreements) else options.DISAGREES

@@ -1,6 +1,6 @@
 """Report compared scenes: agreement, plots, 3-D views, settings, and the command."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from itertools import groupby, repeat
@@ -11,11 +11,13 @@ import numpy as np
 from robotball import Motion, scene_toml
 from robotball.errors import counted
 from robotball.motion import ReferenceMotion, versions
+from robotball.robot.controllers import SENSORS, Call
 from robotball.rotations import Array
-from robotball.view.tracks import label_of, line_looks, slips_of
+from robotball.view.tracks import LineStyle, label_of, line_looks, slips_of
 from robotball.view.web import view_fragment, view_head
 
 from ..agreement import Agreement
+from ..margins import WORKS, Margin, Margins
 from ..output import known, scientific
 from ..plots import framed
 from ..results import NAIVE, OWN_FILE, growth_of, needs
@@ -32,18 +34,26 @@ _ROLLING = {
     "rubber": "the ball neither slips nor spins about the vertical",
     "classical": "the ball does not slip, and may spin about the vertical",
 }
+_MARGIN = f"{WORKS:g}-fold growth is the limit. Cross: beyond it a run breaks off."
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times if x is not the time
 _NONE: _Columns = (np.empty(0), np.empty(0), None)  # the reference in plots of errors
 _CONSTANT = 1e-9  # relative variation of a quantity that counts as constant
 _HIDDEN = 0.01  # fraction of a curve's range below which a difference is invisible
 
 
-def report(agreements: Sequence[Agreement], command: str, film: Path | None = None) -> str:
+def report(
+    agreements: Sequence[Agreement],
+    command: str,
+    film: Path | None = None,
+    margins: Margins | None = None,
+) -> str:
     """Return the page of agreements, grouped by scene.
 
-    `command` makes the page again; `film` is an mp4 of the first scene.
+    `command` makes the page again; `film` is an mp4 of the first scene; `margins` are those of
+    closed loops, by the name of the scene.
     """
     groups = [list(group) for _, group in groupby(agreements, key=lambda run: run.scene.name)]
+    found = margins or {}
     names = ", ".join(group[0].scene.name for group in groups)
     good = sum(run.agrees for run in agreements)
     theory, engine = agreements[0].theory.engine, agreements[0].motion.engine
@@ -54,7 +64,11 @@ def report(agreements: Sequence[Agreement], command: str, film: Path | None = No
             f"{counted(len(groups), 'scene')}: {engine.name} compared with the {theory.name}. "
             f"{counted(len(agreements), 'comparison')}: {good} within the tolerance."
         ),
-        *(part for i, group in enumerate(groups) for part in _scene(group, None if i else film)),
+        *(
+            part
+            for i, group in enumerate(groups)
+            for part in _scene(group, None if i else film, found)
+        ),
         "<h2>How to repeat it</h2>",
         f"<pre>{escape(command)}</pre>",
         folded("Versions", plain(versions() | engines), short=True),
@@ -62,7 +76,7 @@ def report(agreements: Sequence[Agreement], command: str, film: Path | None = No
     return page(f"robotball: {names}", body, view_head())
 
 
-def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
+def _scene(group: Sequence[Agreement], film: Path | None, margins: Margins) -> list[str]:
     first = group[0]
     scene, theory = first.scene, first.theory
     shown = _views(group)
@@ -100,6 +114,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         "<h3>Friction and motors</h3>",
         "" if slips_of(theory) else paragraph(friction_needed(theory)),
         _loads(group),
+        _closed_loop(group, margins.get(scene.name, ())),
         "<h3>Settings and scene</h3>",
         *(
             folded(f"Settings of {run.settings.name}", plain(run.settings.plain()), short=True)
@@ -228,6 +243,39 @@ def _loads(group: Sequence[Agreement]) -> str:
             caption += f": at most {most:.3g}{suffix}"
             drawn += plot(caption, lines, "time [s]", label, reach=most, slips=slips)
     return f'{constants}<div class="charts">{drawn}</div>'
+
+
+def _closed_loop(group: Sequence[Agreement], margins: Sequence[Margin]) -> str:
+    """Return plots of the margins, commands and readings of a controller, "" without one."""
+    motions, said, drawn = _motions(group), "", ""
+    for margin in margins:
+        said += paragraph(f"The loop {margin}.", VERDICTS[margin.works > -np.inf])
+        x, y = np.array(sorted(margin.tried.items())).T
+        growth = Line(LineStyle("growth", "#0072B2"), x, y, broken=not np.isfinite(y[-1]))
+        lines = [growth, Line(LineStyle("limit", "#D55E00", (6, 2)), x, 0 * x + WORKS)]
+        caption, label = f"Margin: {margin.what}", "growth of a disturbance"
+        drawn += plot(caption, lines, margin.what, label, _MARGIN, log=True)
+    times = [np.array([call.reading.time for call in motion.calls]) for motion in motions]
+    rows = [[*map(_numbers, motion.calls)] for motion in motions]
+    for name in rows[0][0] if rows[0] else ():
+        values = [np.array([row[name] for row in numbers]) for numbers in rows]
+        lines = _lines(group, [*zip(times, values, repeat(None))])
+        drawn += plot(name, lines, "time [s]", name, reach=float(np.abs(values[0]).max()))
+    return f'<h3>Closed loop</h3>{said}<div class="charts">{drawn}</div>' if drawn else ""
+
+
+def _numbers(call: Call) -> dict[str, float]:
+    """Return the commands and readings of a call by name, with the unit."""
+    numbers = {f"command of {name}": value for name, value in call.commands.items()}
+    for name, unit in {**SENSORS, "attitude": "1"}.items():
+        value = getattr(call.reading, name)
+        items = (
+            value.items()
+            if isinstance(value, Mapping)
+            else enumerate(() if value is None else value)
+        )
+        numbers |= {f"{name}[{place}] [{unit}]": number for place, number in items}
+    return numbers
 
 
 def _motions(group: Sequence[Agreement]) -> list[Motion]:

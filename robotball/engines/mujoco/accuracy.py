@@ -180,7 +180,8 @@ class _Search:
         """Estimate the fine run's path error from one with `ratio` times its steps."""
         if not len(coarse.times) or len(fine.times) < len(self.times):
             return np.inf
-        if coarse.times[-1] < fine.times[-1]:
+        # A controller that acts within both steps cuts them to the same length.
+        if coarse.times[-1] < fine.times[-1] or ratio == 1.0:
             return np.inf
         difference = path_error(coarse, fine)
         return difference if difference > _APART else difference / (ratio**order - 1)

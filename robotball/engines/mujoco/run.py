@@ -126,7 +126,9 @@ def run(
         control.timestep = plan.timestep
         data = model.start_data(scene)
         motion = observed(control.model, times, march(control, data, times), progress)
-        return replace(motion, scene=model.scene)  # the control's scene has the loop's commands
+        calls = control.loop.calls if control.loop else ()
+        # The control's scene has the loop's commands.
+        return replace(motion, scene=model.scene, calls=calls)
 
 
 def observed(

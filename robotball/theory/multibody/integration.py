@@ -95,6 +95,7 @@ def integrate(
         ReferenceMotion,
         scene=scene,
         again=again,
+        calls=first.loop.calls if first.loop else (),
         motor_work=states[:, HINGES + 2 * hinges : HINGES + 3 * hinges],
         rolling_loss=states[:, LOSS],
         plane_work=None if scene.plane_is_still else states[:, -1],

@@ -1,0 +1,132 @@
+"""Margins of a closed loop: how much more gain, and how much more delay, it stands.
+
+A loop works if its rates stay bounded and a small disturbance of its start does not grow, by the
+equations. Rates are the angular velocity and the rates of hinges: a path that is only turned or
+shifted by the disturbance has not grown.
+"""
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from robotball import InputError, Motion, Reading, integrate
+from robotball.errors import SceneWarning
+from robotball.rotations import Array
+
+from .comparing import shifted
+from .output import Show
+from .sensitivity import neighbour
+
+WORKS = 3.0  # growth from the first half of a run to the second; a regular motion has at most 2
+_BOUND = 100.0  # times the largest rate of the loop as it is, or of a ball that rolls by its weight
+_MOST_GAIN = 64.0
+_LONGEST = 0.25  # of the run; longest delay that is added
+_FINE = 0.02  # relative distance of the values between which a loop ceases to work
+_RTOL = 1e-9  # gives the growth of disturbances of 1e-6 as exactly as 1e-15, in a third of the time
+_TRIALS = 10.0  # typical number for a margin, for the progress
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far a number of a closed loop can be raised.
+
+    Attributes
+    ----------
+    what : str
+        The unit and meaning of the number.
+    tried : mapping of float to float
+        The growth of a disturbance by the value tried, first as it is; inf if a run ended early.
+    """
+
+    what: str
+    tried: Mapping[float, float]
+
+    @property
+    def fails(self) -> float:
+        """The least value tried at which the loop does not work; inf without one."""
+        return min((x for x, grown in self.tried.items() if not grown <= WORKS), default=math.inf)
+
+    @property
+    def works(self) -> float:
+        """The largest value tried below `fails`; -inf without one."""
+        return max((x for x in self.tried if x < self.fails), default=-math.inf)
+
+    def __str__(self) -> str:
+        if not self.works > -math.inf:
+            (grown,) = self.tried.values()
+            return f"unstable as it is: a small disturbance grows {grown:.2g}-fold in half the run"
+        more = "no more was tried" if self.fails == math.inf else f"{self.fails:.3g} is too much"
+        return f"works with {self.works:.3g} {self.what} ({more})"
+
+
+Margins = Mapping[str, Sequence[Margin]]
+"""The margins of closed loops by the names of their scenes."""
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """A controller's function with all commands times a factor, and a bound of rates [rad/s]."""
+
+    function: Callable[[Reading], Mapping[str, float]]
+    factor: float
+    bound: float
+
+    def __call__(self, reading: Reading) -> dict[str, float]:
+        if max(map(abs, [*reading.gyro, *reading.rates.values()])) > self.bound:
+            raise InputError("the rates are not bounded")  # steps would become ever shorter
+        return {name: self.factor * value for name, value in self.function(reading).items()}
+
+
+def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
+    """Return the margins of gain and delay of a closed loop, by bisection with the equations.
+
+    `show` is called with the number of margins done, from 0 to 2.
+    """
+    scene, controller, times = theory.scene, theory.scene.controller, theory.times
+    assert controller is not None
+    fastest = float(np.abs(_rates_of(theory)).max())
+    bound = _BOUND * max(fastest, math.sqrt(scene.gravity / scene.ball.radius))
+
+    def growth(factor: float, late: float) -> float:
+        function = _Scaled(controller.function, factor, bound)
+        loop = replace(controller, function=function, delay=controller.delay + late / 1e3)
+        try:
+            motion = integrate(scene.with_controller(loop), times, rtol=_RTOL)
+            near = integrate(neighbour(motion, hinges=True), times, rtol=_RTOL)
+        except InputError:  # not bounded, or the ball lifts off
+            return math.inf
+        if motion.ended or near.ended:
+            return math.inf
+        off = np.linalg.norm(_rates_of(near) - _rates_of(motion), axis=1)
+        begin, end = np.array_split(off, 2)
+        return float(end.max() / begin.max())
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        gain = _margin(
+            "times the commands", partial(growth, late=0.0), (1.0, 2.0, _MOST_GAIN), show
+        )
+        values = 0.0, 1e3 * controller.period, 1e3 * _LONGEST * float(times[-1])
+        return [gain, _margin("ms more delay", partial(growth, 1.0), values, shifted(show, 1))]
+
+
+def _margin(
+    what: str, growth: Callable[[float], float], values: tuple[float, float, float], show: Show
+) -> Margin:
+    """Double a number while the loop works, then bisect; values: as it is, next, and the most."""
+    low, first, most = values
+    tried, high = {low: growth(low)}, math.inf
+    while tried[low] <= WORKS and low < most and high - low > _FINE * max(low, first):
+        show(1 - math.exp(-len(tried) / _TRIALS), f"margin, {what}")
+        value = (low + high) / 2 if high < math.inf else min(max(2 * low, first), most)
+        tried[value] = growth(value)
+        low, high = (value, high) if tried[value] <= WORKS else (low, value)
+    return Margin(what, tried)
+
+
+def _rates_of(motion: Motion) -> Array:
+    return np.hstack([motion.angular_velocity, motion.hinge_rates])

@@ -8,7 +8,7 @@ from enum import Enum
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +18,6 @@ from robotball.robot.ball import Value
 from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, angle_between, rotation_matrix
-
-if TYPE_CHECKING:
-    from robotball.robot.controllers import Call
 
 Progress = Callable[[float], None]
 """Called with the fraction of the work that is done."""
@@ -301,8 +298,9 @@ class Motion(Value):
         The hinge rates.
     loads : Loads
         The forces and torques that the motion requires.
-    calls : sequence of Call
-        The calls of the scene's controller, each with its `reading` and its `commands`.
+    calls : sequence of mappings of str to float
+        The calls of the scene's controller: its readings and commands by name, such as `time`,
+        `gyro[0]`, `rates[frame]` and `command[frame]`.
 
     Examples
     --------
@@ -324,7 +322,7 @@ class Motion(Value):
     hinge_angles: Array
     hinge_rates: Array
     loads: Loads
-    calls: "Sequence[Call]" = field(default=(), kw_only=True, compare=False)
+    calls: Sequence[Mapping[str, float]] = field(default=(), kw_only=True, compare=False)
 
     def __repr__(self) -> str:
         report = getattr(self, "report", None)

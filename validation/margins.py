@@ -7,7 +7,7 @@ shifted by the disturbance has not grown.
 
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -38,33 +38,27 @@ class Margin:
     ----------
     what : str
         The unit and meaning of the number.
+    works, fails : float
+        The largest value found at which the loop works, NaN without one; and the next one tried, at
+        which it does not, inf without one.
     tried : mapping of float to float
-        The growth of a disturbance by the value tried, first as it is; inf if a run ended early.
+        The growth of a disturbance by the value tried, first as it is; inf if a run broke off.
     """
 
     what: str
+    works: float
+    fails: float
     tried: Mapping[float, float]
 
-    @property
-    def fails(self) -> float:
-        """The least value tried at which the loop does not work; inf without one."""
-        return min((x for x, grown in self.tried.items() if not grown <= WORKS), default=math.inf)
-
-    @property
-    def works(self) -> float:
-        """The largest value tried below `fails`; -inf without one."""
-        return max((x for x in self.tried if x < self.fails), default=-math.inf)
-
     def __str__(self) -> str:
-        if not self.works > -math.inf:
-            (grown,) = self.tried.values()
+        if math.isnan(self.works):
+            grown = self.tried[self.fails]
             return f"unstable as it is: a small disturbance grows {grown:.2g}-fold in half the run"
         more = "no more was tried" if self.fails == math.inf else f"{self.fails:.3g} is too much"
         return f"works with {self.works:.3g} {self.what} ({more})"
 
 
-Margins = Mapping[str, Sequence[Margin]]
-"""The margins of closed loops by the names of their scenes."""
+Margins = Mapping[str, list[Margin]]  # of closed loops, by the names of their scenes
 
 
 @dataclass(frozen=True)
@@ -101,8 +95,8 @@ def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
             return math.inf
         if motion.ended or near.ended:
             return math.inf
-        off = np.linalg.norm(_rates_of(near) - _rates_of(motion), axis=1)
-        begin, end = np.array_split(off, 2)
+        apart = np.linalg.norm(_rates_of(near) - _rates_of(motion), axis=1)
+        begin, end = np.array_split(apart, 2)
         return float(end.max() / begin.max())
 
     with warnings.catch_warnings():
@@ -120,12 +114,14 @@ def _margin(
     """Double a number while the loop works, then bisect; values: as it is, next, and the most."""
     low, first, most = values
     tried, high = {low: growth(low)}, math.inf
-    while tried[low] <= WORKS and low < most and high - low > _FINE * max(low, first):
+    if not tried[low] <= WORKS:
+        return Margin(what, math.nan, low, tried)
+    while low < most and high - low > _FINE * max(low, first):
         show(1 - math.exp(-len(tried) / _TRIALS), f"margin, {what}")
         value = (low + high) / 2 if high < math.inf else min(max(2 * low, first), most)
         tried[value] = growth(value)
         low, high = (value, high) if tried[value] <= WORKS else (low, value)
-    return Margin(what, tried)
+    return Margin(what, low, high, tried)
 
 
 def _rates_of(motion: Motion) -> Array:

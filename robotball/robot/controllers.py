@@ -6,7 +6,6 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -53,13 +52,6 @@ class Reading(Value):
     angles: Mapping[str, float]
     rates: Mapping[str, float]
     contact_point: Array | None = None
-
-
-class Call(NamedTuple):
-    """A call of a controller: what it read, and the last command within its limits by name."""
-
-    reading: Reading
-    commands: Mapping[str, float]
 
 
 @dataclass(frozen=True)

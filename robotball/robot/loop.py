@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robotball.errors import LARGEST, InputError, call_users, unknown
-from robotball.robot.controllers import SENSORS, Call, Controller, Reading, Sensors
+from robotball.robot.controllers import SENSORS, Controller, Reading, Sensors
 from robotball.robot.drives import Constant
 from robotball.robot.function_drives import HeldCommand
 from robotball.robot.motors import NO_LIMITS, Free
@@ -39,8 +39,8 @@ class Loop:
     ----------
     scene : Scene
         The scene with the held commands; pass this one to the engine.
-    calls : list of Call
-        The calls so far.
+    calls : list of dict
+        The readings and commands of the calls so far, by name as in `Motion.calls`.
     """
 
     def __init__(self, scene: Scene, controller: Controller) -> None:
@@ -66,7 +66,7 @@ class Loop:
         self.random = np.random.default_rng(controller.sensors.seed)
         self.measured = self.called = self.applied = 0
         self.readings, self.answers = deque[Reading](), deque[dict[str, float]]()
-        self.calls: list[Call] = []
+        self.calls: list[dict[str, float]] = []
 
     def reach(self, t: float, sense: Callable[[], TrueReading]) -> None:
         """Sample the sensors, call the controller and apply its commands, if due at time t [s].
@@ -80,8 +80,8 @@ class Loop:
         while self.called * controller.period <= until:
             reading = self.readings.popleft()
             self.answers.append(self._call(reading))
-            held = self.calls[-1].commands if self.calls else {}
-            self.calls.append(Call(reading, {**held, **self.answers[-1]}))
+            row = _row(reading, self.answers[-1])  # a command that is left out keeps its value
+            self.calls.append({**self.calls[-1], **row} if self.calls else row)
             self.called += 1
         while self.applied * controller.period + controller.delay <= until:
             for name, value in self.answers.popleft().items():
@@ -154,3 +154,12 @@ class Loop:
 
     def _refused(self, reason: str) -> InputError:
         return InputError(f"{self.scene.name}: the controller {reason}")
+
+
+def _row(reading: Reading, commands: Mapping[str, float]) -> dict[str, float]:
+    row = {"time": reading.time}
+    for sensor in SENSORS:
+        value = getattr(reading, sensor)
+        places = value if isinstance(value, Mapping) else range(0 if value is None else len(value))
+        row |= {f"{sensor}[{place}]": float(value[place]) for place in places}
+    return row | {f"command[{name}]": value for name, value in commands.items()}

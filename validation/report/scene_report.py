@@ -1,6 +1,6 @@
 """Report compared scenes: agreement, plots, 3-D views, settings, and the command."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from itertools import groupby, repeat
@@ -11,7 +11,7 @@ import numpy as np
 from robotball import Motion, scene_toml
 from robotball.errors import counted
 from robotball.motion import ReferenceMotion, versions
-from robotball.robot.controllers import SENSORS, Call
+from robotball.robot.controllers import SENSORS
 from robotball.rotations import Array
 from robotball.view.tracks import LineStyle, label_of, line_looks, slips_of
 from robotball.view.web import view_fragment, view_head
@@ -35,6 +35,7 @@ _ROLLING = {
     "classical": "the ball does not slip, and may spin about the vertical",
 }
 _MARGIN = f"{WORKS:g}-fold growth is the limit. Cross: beyond it a run breaks off."
+_UNITS = {**SENSORS, "attitude": "1", "command": "as its motor"}
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times if x is not the time
 _NONE: _Columns = (np.empty(0), np.empty(0), None)  # the reference in plots of errors
 _CONSTANT = 1e-9  # relative variation of a quantity that counts as constant
@@ -249,33 +250,21 @@ def _closed_loop(group: Sequence[Agreement], margins: Sequence[Margin]) -> str:
     """Return plots of the margins, commands and readings of a controller, "" without one."""
     motions, said, drawn = _motions(group), "", ""
     for margin in margins:
-        said += paragraph(f"The loop {margin}.", VERDICTS[margin.works > -np.inf])
+        said += paragraph(f"The loop {margin}.", VERDICTS[not np.isnan(margin.works)])
         x, y = np.array(sorted(margin.tried.items())).T
         growth = Line(LineStyle("growth", "#0072B2"), x, y, broken=not np.isfinite(y[-1]))
         lines = [growth, Line(LineStyle("limit", "#D55E00", (6, 2)), x, 0 * x + WORKS)]
         caption, label = f"Margin: {margin.what}", "growth of a disturbance"
         drawn += plot(caption, lines, margin.what, label, _MARGIN, log=True)
-    times = [np.array([call.reading.time for call in motion.calls]) for motion in motions]
-    rows = [[*map(_numbers, motion.calls)] for motion in motions]
-    for name in rows[0][0] if rows[0] else ():
-        values = [np.array([row[name] for row in numbers]) for numbers in rows]
-        lines = _lines(group, [*zip(times, values, repeat(None))])
-        drawn += plot(name, lines, "time [s]", name, reach=float(np.abs(values[0]).max()))
-    return f'<h3>Closed loop</h3>{said}<div class="charts">{drawn}</div>' if drawn else ""
-
-
-def _numbers(call: Call) -> dict[str, float]:
-    """Return the commands and readings of a call by name, with the unit."""
-    numbers = {f"command of {name}": value for name, value in call.commands.items()}
-    for name, unit in {**SENSORS, "attitude": "1"}.items():
-        value = getattr(call.reading, name)
-        items = (
-            value.items()
-            if isinstance(value, Mapping)
-            else enumerate(() if value is None else value)
+    for name in {name: 1 for call in motions[0].calls for name in call if name != "time"}:
+        times, values = (
+            [np.array([call.get(key, np.nan) for call in run.calls]) for run in motions]
+            for key in ("time", name)
         )
-        numbers |= {f"{name}[{place}] [{unit}]": number for place, number in items}
-    return numbers
+        lines = _lines(group, [*zip(times, values, repeat(None))])
+        label, reach = f"{name} [{_UNITS[name.partition('[')[0]]}]", np.nanmax(np.abs(values[0]))
+        drawn += plot(name, lines, "time [s]", label, reach=float(reach))
+    return f'<h3>Closed loop</h3>{said}<div class="charts">{drawn}</div>' if drawn else ""
 
 
 def _motions(group: Sequence[Agreement]) -> list[Motion]:

@@ -87,7 +87,7 @@ def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
 
     def growth(factor: float, late: float) -> float:
         function = _Scaled(controller.function, factor, bound)
-        loop = replace(controller, function=function, delay=controller.delay + late / 1e3)
+        loop = replace(controller, function=function, delay=controller.delay + late)
         try:
             motion = integrate(scene.with_controller(loop), times, rtol=_RTOL)
             near = integrate(neighbour(motion, hinges=True), times, rtol=_RTOL)
@@ -104,8 +104,8 @@ def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
         gain = _margin(
             "times the commands", partial(growth, late=0.0), (1.0, 2.0, _MOST_GAIN), show
         )
-        values = 0.0, 1e3 * controller.period, 1e3 * _LONGEST * float(times[-1])
-        return [gain, _margin("ms more delay", partial(growth, 1.0), values, shifted(show, 1))]
+        values = 0.0, controller.period, _LONGEST * float(times[-1])
+        return [gain, _margin("s more delay", partial(growth, 1.0), values, shifted(show, 1))]
 
 
 def _margin(

@@ -53,7 +53,9 @@ class Margin:
     def __str__(self) -> str:
         if math.isnan(self.works):
             grown = self.tried[self.fails]
-            return f"unstable as it is: a small disturbance grows {grown:.2g}-fold in half the run"
+            return (
+                f"is unstable as it is: a small disturbance grows {grown:.2g}-fold in half the run"
+            )
         more = "no more was tried" if self.fails == math.inf else f"{self.fails:.3g} is too much"
         return f"works with {self.works:.3g} {self.what} ({more})"
 

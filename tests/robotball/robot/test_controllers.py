@@ -139,6 +139,24 @@ def test_a_constant_command_gives_the_open_loop_motion(
     assert path_error(run(other), run(scene)) > 0.1
 
 
+def test_both_engines_record_the_readings_and_commands_of_every_call() -> None:
+    """A command that is left out keeps its value. Readings differ by 2.8e-8 (measured)."""
+
+    def sparing(reading: rb.Reading) -> Commands:
+        return {"frame": -2.0} if reading.time == 0 else {"pendulum1": 0.2 * reading.gyro[0]}
+
+    scene = STEERED.with_controller(rb.Controller(sparing, 0.01))
+    theory, motion = integrated(scene), rb.simulate(scene, TIMES, settings="accurate")
+    assert len(theory.calls) == len(motion.calls) == 100
+    assert "command[pendulum1]" not in theory.calls[0]
+    for ours, theirs in zip(theory.calls[1:], motion.calls[1:], strict=True):
+        assert ours.keys() == theirs.keys() >= {"time", "gyro[2]", "attitude[3]", "rates[frame]"}
+        assert ours["command[frame]"] == theirs["command[frame]"] == -2.0
+        assert ours["command[pendulum1]"] == 0.2 * ours["gyro[0]"]
+        assert [*ours.values()] == pytest.approx([*theirs.values()], abs=3e-7)
+    assert integrated(STEERED).calls == ()
+
+
 # Times of calls --------------------------------------------------------------------------------
 
 

@@ -16,6 +16,7 @@ from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.robotball.theory.test_friction import regular
 from validation import Agreement, compare
+from validation.margins import Margin
 from validation.output import program, together
 from validation.plots import LEAST
 from validation.report.chart import Line, chart, legend, ticks
@@ -111,6 +112,28 @@ def test_a_page_splits_the_distance_of_default_settings() -> None:
     page = report([compare("fig12", rb.sample_times(2.0), settings="naive")], COMMAND)
     for text in ("MuJoCo, default settings: sliding friction is 1", "by 42 %", "28 % off the path"):
         assert together(text) in page
+
+
+def test_a_closed_loop_has_plots_of_its_calls_and_margins() -> None:
+    """Of every command and reading in both engines; a loop that is unstable is called so."""
+    controller = rb.Controller(lambda reading: {"pendulum1": 0.1 * reading.gyro[0]}, 0.01)
+    loop = rb.load_scene("steered_pendulum_robot").with_controller(controller)
+    runs = [compare(loop, 0.5, settings="fast")]
+    gain = Margin("times the commands", 2.0, 4.0, {1.0: 0.1, 2.0: 1.0, 4.0: np.inf})
+    late = Margin("s more delay", np.nan, 0.0, {0.0: 12.0})
+    page = report(runs, COMMAND, margins={loop.name: [gain, late]})
+    plots = re.findall(r"<figcaption>(.*?)</figcaption>(.*?)</figure>", page)
+    keys = {caption: re.findall("</svg> (.*?)</span>", inside) for caption, inside in plots}
+    for name in ("command[pendulum1]", "gyro[0]", "attitude[3]", "angles[frame]", "rates[frame]"):
+        assert keys[name] == ["multibody equations", "MuJoCo, fast"]
+    assert "contact_point[0]" not in keys  # it is not read
+    assert keys["Margin: times the commands"] == ["growth", "limit"]
+    assert (
+        '<p class="verdict good">The loop works with 2 times the commands (4 is too much)' in page
+    )
+    assert '<p class="verdict bad">The loop is unstable as it is' in page
+    without = report([compare("fig12", 0.5, settings="fast")], COMMAND)
+    assert "Closed loop" not in without
 
 
 # In a browser ------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -52,14 +51,14 @@ class Margin:
 
     def __str__(self) -> str:
         if math.isnan(self.works):
-            grown = self.tried[self.fails]
-            return (
-                f"is unstable as it is: a small disturbance grows {grown:.2g}-fold in half the run"
-            )
+            grown = f"grows {self.tried[self.fails]:.2g}-fold in half the run"
+            grown = grown if self.tried[self.fails] < math.inf else "ends the run early"
+            return f"is unstable as it is: a small disturbance {grown}"
         more = "no more was tried" if self.fails == math.inf else f"{self.fails:.3g} is too much"
         return f"works with {self.works:.3g} {self.what} ({more})"
 
 
+_Growth = Callable[[float], float]
 Margins = Mapping[str, list[Margin]]  # of closed loops, by the names of their scenes
 
 
@@ -103,16 +102,12 @@ def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)
-        gain = _margin(
-            "times the commands", partial(growth, late=0.0), (1.0, 2.0, _MOST_GAIN), show
-        )
-        values = 0.0, controller.period, _LONGEST * float(times[-1])
-        return [gain, _margin("s more delay", partial(growth, 1.0), values, shifted(show, 1))]
+        gain = _margin("times the commands", lambda x: growth(x, 0), (1.0, 2.0, _MOST_GAIN), show)
+        delays = 0.0, controller.period, _LONGEST * float(times[-1])
+        return [gain, _margin("s more delay", lambda x: growth(1, x), delays, shifted(show, 1))]
 
 
-def _margin(
-    what: str, growth: Callable[[float], float], values: tuple[float, float, float], show: Show
-) -> Margin:
+def _margin(what: str, growth: _Growth, values: tuple[float, float, float], show: Show) -> Margin:
     """Double a number while the loop works, then bisect; values: as it is, next, and the most."""
     low, first, most = values
     tried, high = {low: growth(low)}, math.inf

@@ -233,10 +233,7 @@ def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = Fal
     agreements = run.agreements(loaded)
     loops = {run.scene.name: run.theory for run in agreements if run.scene.controller}
     with progress_bar(2 * len(loops)) as bar:
-        margins = {
-            name: margins_of(theory, shifted(bar, 2 * i))
-            for i, (name, theory) in enumerate(loops.items())
-        }
+        margins = {n: margins_of(loops[n], shifted(bar, 2 * i)) for i, n in enumerate(loops)}
     # The agreements of the first scene stand first, as many as each scene has.
     first = agreements[: len(agreements) // len(loaded)]
     stem = file_stem(first)

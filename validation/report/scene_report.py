@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
-from itertools import groupby, repeat
+from itertools import chain, groupby, repeat
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +54,6 @@ def report(
     closed loops, by the name of the scene.
     """
     groups = [list(group) for _, group in groupby(agreements, key=lambda run: run.scene.name)]
-    found = margins or {}
     names = ", ".join(group[0].scene.name for group in groups)
     good = sum(run.agrees for run in agreements)
     theory, engine = agreements[0].theory.engine, agreements[0].motion.engine
@@ -65,10 +64,8 @@ def report(
             f"{counted(len(groups), 'scene')}: {engine.name} compared with the {theory.name}. "
             f"{counted(len(agreements), 'comparison')}: {good} within the tolerance."
         ),
-        *(
-            part
-            for i, group in enumerate(groups)
-            for part in _scene(group, None if i else film, found)
+        *chain.from_iterable(
+            map(_scene, groups, chain([film], repeat(None)), repeat(margins or {}))
         ),
         "<h2>How to repeat it</h2>",
         f"<pre>{escape(command)}</pre>",

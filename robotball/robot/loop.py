@@ -157,9 +157,9 @@ class Loop:
 
 
 def _row(reading: Reading, commands: Mapping[str, float]) -> dict[str, float]:
-    row = {"time": reading.time}
+    row = {"time": reading.time, **{f"command[{name}]": x for name, x in commands.items()}}
     for sensor in SENSORS:
         value = getattr(reading, sensor)
         places = value if isinstance(value, Mapping) else range(0 if value is None else len(value))
         row |= {f"{sensor}[{place}]": float(value[place]) for place in places}
-    return row | {f"command[{name}]": value for name, value in commands.items()}
+    return row

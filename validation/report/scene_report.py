@@ -34,7 +34,10 @@ _ROLLING = {
     "rubber": "the ball neither slips nor spins about the vertical",
     "classical": "the ball does not slip, and may spin about the vertical",
 }
-_MARGIN = f"{WORKS:g}-fold growth is the limit. Cross: beyond it a run breaks off."
+_MARGIN = (
+    "Growth of a small disturbance of the start from the first half of the run to the second. "
+    f"The loop works up to {WORKS:g}-fold. Cross: beyond it, a run breaks off."
+)
 _UNITS = {**SENSORS, "attitude": "1", "command": "as its motor"}
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times if x is not the time
 _NONE: _Columns = (np.empty(0), np.empty(0), None)  # the reference in plots of errors

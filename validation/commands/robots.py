@@ -349,18 +349,16 @@ def scenes(*, copy: Annotated[str | None, Parameter(metavar="NAME")] = None) -> 
         Write this scene's file into the current folder, and beside it a JSON schema with which an
         editor completes and checks the keys.
     """
-    from rich import box
     from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
 
     from robotball.scene_files.scene_file import heads
 
-    from ..output import print_whole
+    from ..output import plain_table, print_whole
 
     if copy is not None:
         return _copy(copy)
-    table = Table("scene", "rolling", "duration", "title", box=box.SIMPLE_HEAD)
+    table = plain_table(("scene", "rolling", "duration", "title"), left=(0, 1, 3))
     for name, head in heads().items():
         table.add_row(name, head["rolling"], f"{head['duration']:g} s", escape(head["title"]))
     print_whole(table, Console())

@@ -3,16 +3,17 @@
 Dual numbers carry a value and its derivative. With them the functions of formulas.py give
 directional derivatives to round-off.
 
-Symbols trace a function into straight-line code. A loop over lanes becomes vector instructions only
-if its body has no calls and no inner loops; with a call of a compiled right-hand side it stays
-scalar and is four times slower. The functions are therefore evaluated once on symbols that record
-every operation, and the record becomes the body of the loop.
+Symbols trace a function into straight-line code of vectors with a number for each lane: functions
+are evaluated once on symbols that record every operation. A loop over lanes that calls a compiled
+right-hand side would stay scalar, four times slower, and one with the record in its body compiles
+twice as long.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
 import numba
+from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
@@ -191,8 +192,15 @@ def least(a: "Symbol", b: "Symbol | float") -> "Symbol":
     return (a <= b).choose(a, b)
 
 
-def _wide(_: Any) -> Any:
-    """Allow the calling function the widest vectors of the processor."""
+_WIDEST = '"prefer-vector-width"="512"'
+
+
+_tapes: dict[str, Tape] = {}
+"""Maps the name of a lane function to its tape."""
+
+
+def _all_lanes(_: Any, workspace: Any, lanes: Any, name: Any) -> Any:
+    """Run the named tape in all lanes of a workspace; `lanes` and `name` are literals."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         # LLVM uses half of the vector width on some processors, which is a third slower here.
@@ -201,62 +209,47 @@ def _wide(_: Any) -> Any:
         # the user sets the features of the processor, these determine the width.
         if numba.config.CPU_FEATURES is None:
             set.add(builder.function.attributes, _WIDEST)
-        return context.get_dummy_value()
-
-    return types.void(), generate
-
-
-_WIDEST = '"prefer-vector-width"="512"'
-_wide_vectors: Any = intrinsic(_wide)
-
-
-_tapes: dict[str, Tape] = {}
-"""Maps the name of a lane function to its tape."""
-
-
-def _one_lane(_: Any, workspace: Any, lane: Any, lanes: Any, name: Any) -> Any:
-    """Run the named tape in one lane of a workspace; `lanes` and `name` are literals."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        workspace = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        tape = _tapes[name.literal_value]
+        tape, count = _tapes[name.literal_value], lanes.literal_value
+        numbers = ir.VectorType(ir.DoubleType(), count)
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        rows = builder.bitcast(array.data, numbers.as_pointer())
         values: dict[str, Any] = {}
 
         def at(row: int) -> Any:
-            begin = context.get_constant(types.int64, row * lanes.literal_value)
-            return builder.gep(workspace, [builder.add(begin, arguments[1])])
+            return builder.gep(rows, [context.get_constant(types.int64, row)])
 
         def value(operand: str) -> Any:
             known = values.get(operand)
-            return context.get_constant(types.float64, float(operand)) if known is None else known
+            return numbers([float(operand)] * count) if known is None else known
 
         for (operation, *operands), result in tape.notes.items():
             if operation == "load":
-                values[result] = builder.load(at(int(operands[0])))
+                values[result] = builder.load(at(int(operands[0])), align=8)
                 continue
             arguments_of = [value(operand) for operand in operands]
             if operation == "sqrt":
-                root = builder.module.declare_intrinsic("llvm.sqrt", [arguments_of[0].type])
+                root = builder.module.declare_intrinsic(
+                    f"llvm.sqrt.v{count}f64", fnty=ir.FunctionType(numbers, [numbers])
+                )
                 values[result] = builder.call(root, arguments_of)
             elif operation in ("<=", ">=", "<"):
                 values[result] = builder.fcmp_ordered(operation, *arguments_of)
             else:
                 values[result] = getattr(builder, operation)(*arguments_of)
         for row, result in tape.results.items():
-            builder.store(value(result), at(row))
+            builder.store(value(result), at(row), align=8)
         return context.get_dummy_value()
 
-    return types.void(workspace, lane, lanes, name), generate
+    return types.void(workspace, lanes, name), generate
 
 
-_run_in_one_lane: Any = intrinsic(prefer_literal=True)(_one_lane)
+_run_in_all_lanes: Any = intrinsic(prefer_literal=True)(_all_lanes)
 
 
 def lane_function(name: str, tape: Tape, lanes: int) -> Any:
     """Return a function of a workspace (rows·lanes,), for numba, that runs a tape in every lane.
 
     The name must be unique in the process, because numba links compiled and loaded code with it.
-    The workspace is flat with a constant stride, so the compiler sees that lanes are independent.
     The operations go directly to LLVM, because numba would need seconds to infer the types of
     thousands of names.
     """
@@ -264,9 +257,7 @@ def lane_function(name: str, tape: Tape, lanes: int) -> Any:
     # The closure has the name of the tape, because numba's cache compares the values in a closure,
     # and a tape or an intrinsic differs in every process.
     def in_every_lane(w: Any) -> None:
-        _wide_vectors()
-        for i in range(lanes):
-            _run_in_one_lane(w, i, lanes, name)
+        _run_in_all_lanes(w, lanes, name)
 
     # Two threads may trace the same tape at once.
     if vars(_tapes.setdefault(name, tape)) != vars(tape):

@@ -6,6 +6,7 @@ write its folder. Here the folder belongs to the user alone, and its subfolder f
 named with a digest of everything that the code is made from.
 """
 
+import gc
 import hashlib
 import os
 import shutil
@@ -77,16 +78,20 @@ class Compiled:
 
     def _compiled(self, folder: Path | None) -> Any:
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
+        collects = gc.isenabled()
+        gc.disable()  # collections of garbage would take a fifth of the time
         try:
             # Without the interpreter's lock; a division by zero gives infinity, not an exception.
             options = {"nogil": True, "error_model": "numpy", "cache": folder is not None}
             dispatcher = numba.njit(**options, **self._options)(self._function)
+            # If numba cannot write there, it uses other folders, which are not checked.
+            if folder is not None and folder not in Path(dispatcher.stats.cache_path).parents:
+                raise OSError(f"cannot write to {folder}")
+            dispatcher.compile(self._signature)
         finally:
             numba.config.CACHE_DIR = before
-        # If numba cannot write there, it uses other folders, which are not checked.
-        if folder is not None and folder not in Path(dispatcher.stats.cache_path).parents:
-            raise OSError(f"cannot write to {folder}")
-        dispatcher.compile(self._signature)
+            if collects:
+                gc.enable()
         dispatcher.disable_compile()
         return dispatcher
 

@@ -18,12 +18,14 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from robotball import rotations
 from robotball.robot import formulas as eq
 from robotball.robot.formulas import Parameters, Rolling, Scalar, Vector
 from robotball.rotations import Quaternion, unit_space_axes
+from robotball.theory import symbols
 from robotball.theory.compiled import compiled_from, inlined, text_of
 from robotball.theory.ensembles import flatten
-from robotball.theory.ensembles.flatten import LANES, Tape, along, lane_function, least, slopes
+from robotball.theory.ensembles.flatten import LANES, along, lane_function, least, slopes
 
 State = Sequence[Scalar]
 
@@ -247,16 +249,15 @@ def runge_kutta(
     return moved(NINTH), 1 / (h * h * sum(e * e for e in errors) + 1e-200)
 
 
-def _traced(system: System, rolling: Rolling) -> Tape:
-    """Return the tape of a system's step, over the rows of a workspace.
+def _step(read: Callable[[int], Any], system: System, rolling: Rolling) -> dict[int, Any]:
+    """Return the rows of a workspace after a system's step, from `read`, which gives a row.
 
     A lane whose target is nearer than its length only looks: it writes the state there to the rows
     of the new state. Otherwise it marches: time, state and slope advance if the error is within the
     tolerance. After the new state follow the flag and the section value of the new state.
     """
-    tape = Tape()
     SLOPE, NEW, FLAG, _ = places(system.size)
-    row = [tape.read(i) for i in range(NEW)]
+    row = [read(i) for i in range(NEW)]
     parameters = ball_of(rolling, row[BALL:LEVEL])
     level = level_of(rolling, row[LEVEL:SECTION])
 
@@ -291,9 +292,7 @@ def _traced(system: System, rolling: Rolling) -> Tape:
     if system.section is not None:
         seen = system.section(new, parameters, level, row[SECTION:STATE])
         results |= {FLAG + 1 + i: x for i, x in enumerate(seen)}
-    for place, result in results.items():
-        tape.write(place, result)
-    return tape
+    return results
 
 
 def ball_of(rolling: Rolling, row: Sequence[Any]) -> Parameters:
@@ -316,8 +315,10 @@ def row_of(parameters: Parameters) -> list[float]:
 @cache
 def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
     """Return the compiled step (workspace) -> None of a system, which is cached on disk."""
-    tape = _traced(system, rolling)
-    function = lane_function(f"{system.name}_{rolling}_{lanes}", tape, lanes)
-    made_from = f"{lanes} {vars(tape)} {text_of(flatten.__file__)}"
+    name = f"{system.name}_{rolling}_{lanes}"
+    function = lane_function(name, lanes, _step, system, rolling)
+    made_from = name + text_of(
+        rotations.__file__, eq.__file__, symbols.__file__, flatten.__file__, __file__
+    )
     # The loops take the compiled function as an argument.
     return compiled_from(made_from, "void(f8[::1])", fastmath=_FREEDOM)(function).code

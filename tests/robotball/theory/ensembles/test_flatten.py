@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from robotball.theory.ensembles import flatten
-from robotball.theory.ensembles.flatten import LANES, Dual, Tape, lane_function
+from robotball.theory.ensembles.flatten import LANES, Dual, lane_function
 
 pytestmark = pytest.mark.core
 
@@ -28,11 +28,12 @@ def test_traced_code_and_dual_numbers_give_the_function_and_its_derivative() -> 
 
     Traced products are commuted. Measured 4.5e-11 in the derivative: rounding of the difference.
     """
-    tape = Tape()
-    for row, result in enumerate(sample(tape.read(0), tape.read(1)), start=2):
-        tape.write(row, result)
+
+    def step(read: Any) -> dict[int, Any]:
+        return dict(enumerate(sample(read(0), read(1)), start=2))
+
     w = np.linspace(0.5, 3.0, 4 * LANES)
-    numba.njit(lane_function("compute", tape, LANES))(w)
+    numba.njit(lane_function("compute", LANES, step))(w)
     x, y, *traced = w.reshape(4, LANES)
     expected = sample(x, y)
     assert np.abs(traced[0] - expected[0]).max() < 1e-15
@@ -46,30 +47,30 @@ def test_traced_code_and_dual_numbers_give_the_function_and_its_derivative() -> 
 
 def test_the_source_of_a_lane_function_can_be_read() -> None:
     """numba reads it from the given file; since Python 3.13 a missing source is an error."""
-    function = lane_function("with_a_source", Tape(), LANES)
+    function = lane_function("with_a_source", LANES, dict)
     assert inspect.getsourcefile(function) == flatten.__file__
     assert inspect.getsource(function).split()[:2] == ["def", "in_every_lane(w:"]
 
 
-def test_each_lane_function_runs_its_own_tape(tmp_path: Path) -> None:
-    """Two tapes and two lane counts, compiled and then loaded from the cache of numba.
+def test_each_lane_function_does_its_own_step(tmp_path: Path) -> None:
+    """Two steps and two lane counts, compiled and then loaded from the cache of numba.
 
-    A name belongs to one tape, because the cache distinguishes tapes only by name.
+    A name belongs to one step, because the cache distinguishes steps only by name.
     """
     script = """
 import sys
 import numba, numpy as np
 from robotball.theory.ensembles import flatten
-from robotball.theory.ensembles.flatten import Tape, lane_function
+from robotball.theory.ensembles.flatten import lane_function
+def step(read, factor):
+    return {1: factor * read(0)}
 for name, factor, lanes in ("double", 2.0, 1), ("wide", 2.0, 2), ("triple", 3.0, 1):
-    tape = Tape()
-    tape.write(1, factor * tape.read(0))
-    run = numba.njit("void(f8[::1])", cache=True)(lane_function(name, tape, lanes))
+    run = numba.njit("void(f8[::1])", cache=True)(lane_function(name, lanes, step, factor))
     workspace = np.array([1.0, 5.0, 0.0, 0.0])
     run(workspace)
     print(*workspace, run.stats.cache_misses.total())
 try:
-    lane_function("double", tape, 1)
+    lane_function("double", 1, step, 3.0)
 except ValueError as error:
     print(error)
 """
@@ -80,5 +81,5 @@ except ValueError as error:
             f"1.0 2.0 0.0 0.0 {misses}",
             f"1.0 5.0 2.0 10.0 {misses}",
             f"1.0 3.0 0.0 0.0 {misses}",
-            "the lane function double runs another tape: choose another name",
+            "the lane function double does another step: choose another name",
         ]

@@ -11,21 +11,22 @@ are more hinges, the solution with the least energy is taken.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_bvp, solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import minimize
 
 from robotball.errors import InputError, check_positive, check_size
 from robotball.motion import Motion
-from robotball.robot import formulas as eq
 from robotball.robot.drives import Ramp, Samples, turns
-from robotball.robot.mechanics import States
 from robotball.robot.motors import Free
 from robotball.robot.scene import MovedHinge, Scene, Start
 from robotball.rotations import Array, Mask, continuous, rotation_matrix, turned
+from robotball.theory.multibody.derivative import HINGES, MOMENTUM, Readings, readings_of
+from robotball.theory.multibody.system import System
 from robotball.theory.plane import check_no_turn
 
 _FINE = 2001  # points of a path, whose chords add up to its length; 4e-7 too short for a circle
@@ -37,6 +38,7 @@ _INTERVAL = 0.04  # s between the drives' samples, which are interpolated with c
 _TOLERANCE = 1e-7  # of the integration; the drives' interpolation alone leaves 3e-5 m
 _BVP_TOLERANCE, _MOST_NODES = 1e-5, 20_000
 _SINGULAR = 1e-4  # ratio of singular values below which the hinges cannot move the ball
+_BALANCED, _ITERATIONS = 1e-13, 20  # rad, the last change of angles in balance; 4 are usual
 _FASTEST = 1e4  # rad/s, beyond any motor: needed only close to a singularity
 
 
@@ -121,16 +123,14 @@ class _Steered:
     wanted: Array
 
 
-@dataclass(frozen=True)
-class _RobotMotion:
+class _RobotMotion(NamedTuple):
     """The motion of a robot at n times.
 
-    axes (n, 3, 3); reach (n,): ratio of the smallest to the largest singular value of the map from
-    hinge rates to momentum.
+    rates (n, h) of the hinges [rad/s]; reach (n,): ratio of the smallest to the largest singular
+    value of the map from hinge rates to the shell's rolling.
     """
 
-    axes: Array
-    states: States
+    rates: Array
     reach: Array
 
 
@@ -154,7 +154,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
     motion = way.motion(times, y)
-    rates = motion.states.u[3:].T
+    rates = motion.rates
     _check_reach(scene, times, motion)
     samples: list[Any] = [
         Samples(times=tuple(times.tolist()), values=tuple(column.tolist())) if on else 0.0
@@ -177,14 +177,12 @@ def _is_driven(hinge: MovedHinge) -> bool:
 
 
 def _check_reach(scene: Scene, times: Array, motion: _RobotMotion) -> None:
-    least, fastest = (
-        int(motion.reach.argmin()),
-        int(np.abs(motion.states.u[3:]).max(axis=0).argmax()),
-    )
+    speeds = np.abs(motion.rates).max(axis=1)
+    least, fastest = int(motion.reach.argmin()), int(speeds.argmax())
+    speed = float(speeds[fastest])
     if motion.reach[least] < _SINGULAR:
         line = "the hinges cannot roll the ball in every direction; choose another path or attitude"
         raise InputError(f"{scene.name}: at t = {times[least]:.4g} s {line}")
-    speed = float(np.abs(motion.states.u[3:, fastest]).max())
     if not speed < _FASTEST:
         line = f"a hinge needs {speed:.3g} rad/s; increase the duration or choose another path"
         raise InputError(f"{scene.name}: at t = {times[fastest]:.4g} s {line}")
@@ -223,6 +221,12 @@ class _Way:
 
     def __init__(self, scene: Scene, path: WantedPath, duration: float, driven: Mask) -> None:
         self.scene, self.path, self.driven, self.robot = scene, path, driven, scene.robot
+        none = [None] * len(driven)
+        held = scene.with_hinges(motor=none, command=np.zeros(len(driven)))
+        self.held = replace(held.ideal, plane_motion=(0.0, 0.0, 0.0))
+        # No rate, and a unit rate of each driven hinge.
+        self.trials = np.vstack([np.zeros(len(driven)), np.eye(len(driven))[driven]])
+        self._systems = lru_cache(maxsize=4)(self._system)
         wait = _WAITING * duration
         # Quintic: acceleration is continuous at both ends, and so are torques.
         self.part = Ramp(initial=0.0, final=1.0, start=wait, end=duration - wait, shape="quintic")
@@ -240,45 +244,68 @@ class _Way:
         # A solver may evaluate slightly beyond the ends, where a spline would extrapolate.
         return np.clip(self.part.rate(times), 0.0, 1.0).tolist()
 
-    def shell(self, times: Array, gamma: Array, axes: Array) -> Array:
-        """Return the shell's horizontal angular velocity (n, 3), frame axes [rad/s]."""
+    def rolling(self, times: Array) -> Array:
+        """Return the shell's horizontal angular velocity (n, 3), world axes [rad/s]."""
         slopes = np.array([self.path.slope(u) for u in self._parts(times)])
-        velocity = np.zeros((len(times), 3))
-        velocity[:, :2] = slopes * self.part.acceleration(times)[:, None]
-        in_frame = np.einsum("nji,nj->ni", axes, velocity)
-        return np.asarray(np.cross(gamma, in_frame) / self.scene.ball.radius)
+        velocity = slopes * self.part.acceleration(times)[:, None] / self.scene.ball.radius
+        return np.column_stack([-velocity[:, 1], velocity[:, 0], np.zeros(len(times))])
+
+    def _system(self, n: int, standing: bool) -> System:
+        system = System(*[self.held] * n)
+        if standing:
+            bodies = np.repeat(self.robot.bodies[None], n, axis=0)  # with the motors' armatures
+            system.machine = system.machine._replace(bodies=bodies, spin_free=True)
+            system.modes = system.modes._replace(standing=True)
+            system.inputs.plane[:: len(self.trials), 0, 4] = 1.0
+        return system
+
+    def _run(
+        self, y: Array, rates: Array, gravity: Array | float = 0.0, standing: bool = False
+    ) -> tuple[Array, Readings]:
+        """Return derivatives (n, size) and readings of states y (7 + h, n) at hinge rates (n, h).
+
+        standing: on a shell at rest, and with accelerations in place of rates. The first of the
+        `trials` also accelerates the shell about the vertical.
+        """
+        system = self._systems(len(rates), standing)
+        inputs, state = system.inputs, np.zeros((len(rates), system.size))
+        inputs.gravity[:, 0] = gravity
+        (inputs.accelerations if standing else inputs.rates)[:, 0] = rates
+        state[:, :4], state[:, MOMENTUM : MOMENTUM + 3] = y[:4].T, y[4:7].T
+        state[:, HINGES : HINGES + rates.shape[1]] = y[7:].T
+        base, slopes, none = state.ravel(), np.empty((1, state.size)), np.zeros((1, 1))
+        system.stages(none[0], 0.0, none, base, np.zeros_like(base), slopes)
+        return slopes.reshape(state.shape), readings_of(system.stage_numbers[:, 0], rates.shape[1])
+
+    def _inertias(self, y: Array, trials: Array) -> Array:
+        """Return inertias (n, 1 + d): of the robot about the vertical, and along driven hinges."""
+        _, readings = self._run(y, trials, standing=True)
+        torques = np.column_stack([readings.plane_torque[:, 2], readings.torques[:, self.driven]])
+        return np.einsum("njj->nj", torques.reshape(-1, *[len(self.trials)] * 2))
 
     def motion(self, times: Array, y: Array) -> _RobotMotion:
         """Return the motion of the robot in states y (7 + h, n)."""
-        robot, scene, n = self.robot, self.scene, len(times)
-        axes = rotation_matrix((y[:4] / np.linalg.norm(y[:4], axis=0)).T)
-        gamma, rubber = axes[:, 2], scene.rolling == "rubber"
-        shell = self.shell(times, gamma, axes)
-        pose = robot.pose(gamma, y[7:].T)
-        matrix = robot.matrix(pose)
-        rows = np.einsum("nij,jkn->nik", axes, matrix[:3])  # L in space
-        # In the rubber model M = γ×L, so L = M×γ except for its vertical component, which is free.
-        M = y[4:7].T
-        L = np.column_stack([M[:, 1], -M[:, 0], 0 * M[:, 0]]) if rubber else M
-        right = L - np.einsum("nij,nj->ni", rows[:, :, :3], shell)
+        n, d, rubber = len(times), len(self.trials) - 1, self.scene.rolling == "rubber"
+        every, trials = np.repeat(y, d + 1, axis=1), np.tile(self.trials, (n, 1))
+        # The shell's rolling and its spin are linear in the rates of the hinges.
+        _, readings = self._run(every, trials)
+        turning = np.column_stack([readings.rolling[:, :2], readings.slip[:, 2]])
+        turning = turning.reshape(n, d + 1, 3)
+        right = self.rolling(times) - turning[:, 0]
+        left = (turning[:, 1:] - turning[:, :1]).transpose(0, 2, 1)
         # In unknowns scaled by each hinge's inertia, the least-norm solution has the least energy.
-        weights = 1 / np.sqrt(np.einsum("jjn->nj", matrix[3:, 3:])[:, self.driven])
-        left = rows[:, :, 3:][:, :, self.driven] * weights[:, None]
+        weights = 1 / np.sqrt(self._inertias(every, trials))
+        left *= weights[:, None, 1:]
         if rubber:
             left, right = left[:, :2], right[:, :2]
         else:
-            spin = np.einsum("nij,nj->ni", rows[:, :, :3], gamma)
-            spinning = 1 / np.sqrt(matrix[0, 0])
-            left = np.concatenate([left, (spin * spinning[:, None])[:, :, None]], axis=2)
+            spin = weights[:, :1, None] * np.array([[0.0], [0.0], [-1.0]])
+            left = np.concatenate([left, spin], axis=2)
         singular = np.linalg.svd(left, compute_uv=False)
         solution = np.einsum("nij,nj->ni", np.linalg.pinv(left), right)
-        rates = np.zeros((n, robot.hinges))
-        rates[:, self.driven] = weights * solution[:, : self.driven.sum()]
-        if not rubber:
-            shell = shell + gamma * (solution[:, -1] * spinning)[:, None]
-        reach = singular[:, -1] / singular[:, 0]
-        states = robot.moving(pose, np.concatenate([shell.T, rates.T]))
-        return _RobotMotion(axes, states, reach)
+        rates = np.zeros((n, len(self.driven)))
+        rates[:, self.driven] = weights[:, 1:] * solution[:, :d]
+        return _RobotMotion(rates, singular[:, -1] / singular[:, 0])
 
     def rate(self, times: Array, y: Array) -> Array:
         """Return dy/dt (7 + h, n); NaN for states that are astray, so that solvers reject them."""
@@ -286,14 +313,10 @@ class _Way:
         astray = ~(np.abs(y).max(axis=0) < _ASTRAY)
         if astray.any():
             y = np.where(astray, self.start()[:, None], y)
-        scene, now = self.scene, self.motion(times, y)
-        G = np.einsum("nji,nj->in", now.axes, scene.gravity_at(times))
-        L_rate = np.einsum("nij,jn->in", now.axes, now.states.torque(G))
-        if scene.rolling == "rubber":
-            L_rate = np.stack([-L_rate[1], L_rate[0], 0 * L_rate[0]])
-        w, x, y_, z = y[:4]
-        spin = eq.attitude_rate((w, x, y_, z), tuple(now.states.turning[self.robot.carrier].T))
-        return np.where(astray, np.nan, np.concatenate([np.stack(spin), L_rate, now.states.u[3:]]))
+        rates = self.motion(times, y).rates
+        slopes, _ = self._run(y, rates, self.scene.gravity_at(times))
+        parts = slopes[:, :4], slopes[:, MOMENTUM : MOMENTUM + 3], rates
+        return np.where(astray, np.nan, np.concatenate(parts, axis=1).T)
 
 
 def _forward(way: _Way, times: Array) -> Array:
@@ -360,43 +383,46 @@ def _hanging(way: _Way, times: Array) -> Array:
             step = (times[i] - times[i - 1]) / fine
             for k in range(fine):
                 now = np.array([times[i - 1] + (k + 0.5) * step])
-                axes = rotation_matrix(shell)[None]
-                turn = way.shell(now, axes[:, 2], axes)[0] * step
-                shell = turned(shell, turn)
-        y[7:, i] = _balanced(way, shell, y[7:, max(i - 1, 0)])
+                shell = turned(shell, way.rolling(now)[0] @ rotation_matrix(shell) * step)
+        y[7:, i] = _balanced(way, shell, y[7:, max(i - 1, 0)], first=i == 0)
         y[:4, i] = turned(shell, y[7, i] * e)
     y[:4] = continuous(y[:4].T).T
     rates = np.gradient(y[7:], times, axis=1)
     axes = rotation_matrix(y[:4].T)
-    gamma = axes[:, 2]
-    omega = way.shell(times, gamma, axes) + np.outer(rates[0], e)
-    states = robot.states(gamma, y[7:].T, omega, rates.T)
+    omega = np.einsum("ni,nij->nj", way.rolling(times), axes) + np.outer(rates[0], e)
+    states = robot.states(axes[:, 2], y[7:].T, omega, rates.T)
     y[4:7] = np.einsum("nij,nj->in", axes, states.momentum(way.scene.rolling))
     return y
 
 
-def _balanced(way: _Way, shell: Array, angles: Array) -> Array:
-    """Return hinge angles (h,) near `angles` with the centre of mass below the ball's centre."""
-    scene, e = way.scene, way.scene.ball.shell.axis
-    masses = scene.robot.bodies[:, 0]
+def _balanced(way: _Way, shell: Array, angles: Array, first: bool) -> Array:
+    """Return hinge angles (h,) near `angles` with the centre of mass below the ball's centre.
 
-    def off(driven: Array) -> Array:
-        """Return the centre of mass (3,) in world axes, over the radius."""
-        trial = angles.copy()
-        trial[way.driven] = driven
-        frame = rotation_matrix(turned(shell, trial[0] * e))
-        centre = masses @ way.robot.placed(trial[None])[:, :3, 0] / masses.sum()
-        return np.asarray(frame @ centre / scene.ball.radius)
+    first: the weights may also balance above the centre at `angles`.
+    """
+    e, balanced, still = way.scene.ball.shell.axis, angles.copy(), np.zeros((3 + len(angles), 1))
 
-    def height(driven: Array) -> float:
-        return float(off(driven)[2])
+    def off(driven: Array) -> tuple[Array, Array]:
+        """Return the centre of mass (3,) over the radius, world axes, and its derivative (3, d)."""
+        balanced[way.driven] = driven
+        states = way.robot.moving(way.robot.pose(np.zeros((1, 3)), balanced[None]), still)
+        frame = rotation_matrix(turned(shell, balanced[0] * e)) / way.scene.ball.radius
+        slopes = states.pushes[:, 3:, 0] / way.robot.mass
+        return frame @ states.centre_of_mass[0], frame @ slopes[:, way.driven]
 
-    def beside(driven: Array) -> Array:
-        return off(driven)[:2]
+    def height(driven: Array) -> tuple[float, Array]:
+        centre, slopes = off(driven)
+        return centre[2], slopes[2]
 
-    # First minimise the height, because the weights may also balance above the centre. The minimum
-    # is flat and gives half the digits; the horizontal offset then gives all of them.
-    lowest = minimize(height, angles[way.driven], method="BFGS").x
-    balanced = angles.copy()
-    balanced[way.driven] = least_squares(beside, lowest, xtol=1e-14).x
+    driven = angles[way.driven]
+    if first:
+        driven = minimize(height, driven, method="BFGS", jac=True).x
+    # The minimum of the height is flat and gives half the digits, the horizontal offset all.
+    for _ in range(_ITERATIONS):
+        centre, slopes = off(driven)
+        change = np.linalg.pinv(slopes[:2]) @ centre[:2]
+        driven = driven - change
+        if np.abs(change).max() < _BALANCED:
+            break
+    balanced[way.driven] = driven
     return balanced

@@ -69,9 +69,9 @@ class System:
             limits[:, 1:].copy(),
         )
         widths = self.count, self.count, motors.shape[1], 3, 5
-        self._inputs = Inputs(*(np.zeros((len(scenes), STAGES, width)) for width in widths))
+        self.inputs = Inputs(*(np.zeros((len(scenes), STAGES, width)) for width in widths))
         for k, scene in enumerate(scenes):
-            self._inputs.gravity[k] = scene.gravity_at(0.0)
+            self.inputs.gravity[k] = scene.gravity_at(0.0)
         self._work = work_of(self.size, self.count, 2 * self.slips)
         self._commands = [
             [*(hinge.command for hinge in scene.hinges if hinge.motor is not None), *scene.controls]
@@ -102,9 +102,9 @@ class System:
             for i, command in enumerate(robot)
         ]
         for i, drive, k in commands:
-            self._inputs.commands[k, :, i] = drive.rate(t)
+            self.inputs.commands[k, :, i] = drive.rate(t)
         for i, drive, k in self._rates:
-            self._inputs.rates[k, :, i], self._inputs.accelerations[k, :, i] = drive.rate(t), 0.0
+            self.inputs.rates[k, :, i], self.inputs.accelerations[k, :, i] = drive.rate(t), 0.0
         self._changing_commands = _changing(commands, t, end)
         self._changing_rates = _changing(self._rates, t, end)
 
@@ -161,7 +161,7 @@ class System:
         ends = np.empty_like(base)
         self.stage_numbers = np.empty((len(self.scenes), len(times), self.readings_size))
         differentiate()(
-            self.machine, self.modes, self._inputs, length, weights, base, begin, slopes, ends,
+            self.machine, self.modes, self.inputs, length, weights, base, begin, slopes, ends,
             self.stage_numbers, self._work,
         )  # fmt: skip
         self._known = float(times[-1]), (base + ends).tobytes(), self.modes
@@ -170,7 +170,7 @@ class System:
     def _drive(self, times: Array) -> None:
         """Set the drives and the plane at the times of the stages (s,) [s]."""
         # The last state of a piece has the acceleration of this piece, not of the next.
-        inputs, within, stages = self._inputs, np.minimum(times, self.end), slice(len(times))
+        inputs, within, stages = self.inputs, np.minimum(times, self.end), slice(len(times))
         for i, drive, robots in self._changing_rates:
             rates, accelerations = drive.rate(times), drive.acceleration(within)
             for k in robots:

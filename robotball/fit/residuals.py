@@ -272,7 +272,7 @@ class Residuals:
         self.loss, self.fixed = loss, fixed
         self._motion = lru_cache(maxsize=2 * len(logs) + 2)(self._run)
         # Most unknowns belong to initial states: one scene with the shared numbers serves many.
-        self._shared_scene = lru_cache(maxsize=2)(
+        self._shared_scene = lru_cache(maxsize=len(unknowns) + 2)(
             lambda shared: numbers.scene({**fixed, **dict(shared)})
         )
         # After its last step, a fit requests the same derivatives once more.

@@ -239,7 +239,7 @@ with contextlib.suppress(SystemExit): main(["engines"])"""
     [
         ("from validation import compare; compare('fig12')", 29, {"matplotlib", "numba", "scipy"}),
         ("import robotball as rb; rb.integrate('fig12', 0.1)", 16, {"mujoco", "numba", "scipy"}),
-        ("import robotball as rb; rb.integrate('pendulum_robot', 0.1)", 32, PARTS_OF_SCIPY),
+        ("import robotball as rb; rb.integrate('pendulum_robot', 0.1)", 31, PARTS_OF_SCIPY),
         (LISTED, 63, {"matplotlib", "numba", "scipy"}),
         ("import validation.studies.fitting", 38, {"matplotlib", "scipy.stats"}),
         ("import robotball.view.render", 19, {"matplotlib.pyplot", "scipy"}),

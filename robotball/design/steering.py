@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_bvp, solve_ivp
@@ -123,17 +123,6 @@ class _Steered:
     wanted: Array
 
 
-class _RobotMotion(NamedTuple):
-    """The motion of a robot at n times.
-
-    rates (n, h) of the hinges [rad/s]; reach (n,): ratio of the smallest to the largest singular
-    value of the map from hinge rates to the shell's rolling.
-    """
-
-    rates: Array
-    reach: Array
-
-
 def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     """Find the drives that take a robot along a path, from rest to rest, in a duration [s].
 
@@ -153,9 +142,8 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     way = _Way(scene, path, duration, driven)
     times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
-    motion = way.motion(times, y)
-    rates = motion.rates
-    _check_reach(scene, times, motion)
+    rates, reach = way.rates(times, y)
+    _check_reach(scene, times, rates, reach)
     samples: list[Any] = [
         Samples(times=tuple(times.tolist()), values=tuple(column.tolist())) if on else 0.0
         for column, on in zip(rates.T, driven, strict=True)
@@ -176,11 +164,11 @@ def _is_driven(hinge: MovedHinge) -> bool:
     return not isinstance(hinge.motor, Free) and (hinge.motor is not None or turns(hinge.command))
 
 
-def _check_reach(scene: Scene, times: Array, motion: _RobotMotion) -> None:
-    speeds = np.abs(motion.rates).max(axis=1)
-    least, fastest = int(motion.reach.argmin()), int(speeds.argmax())
+def _check_reach(scene: Scene, times: Array, rates: Array, reach: Array) -> None:
+    speeds = np.abs(rates).max(axis=1)
+    least, fastest = int(reach.argmin()), int(speeds.argmax())
     speed = float(speeds[fastest])
-    if motion.reach[least] < _SINGULAR:
+    if reach[least] < _SINGULAR:
         line = "the hinges cannot roll the ball in every direction; choose another path or attitude"
         raise InputError(f"{scene.name}: at t = {times[least]:.4g} s {line}")
     if not speed < _FASTEST:
@@ -283,8 +271,11 @@ class _Way:
         torques = np.column_stack([readings.plane_torque[:, 2], readings.torques[:, self.driven]])
         return np.einsum("njj->nj", torques.reshape(-1, *[len(self.trials)] * 2))
 
-    def motion(self, times: Array, y: Array) -> _RobotMotion:
-        """Return the motion of the robot in states y (7 + h, n)."""
+    def rates(self, times: Array, y: Array) -> tuple[Array, Array]:
+        """Return the rates (n, h) of the hinges in states y (7 + h, n), and their reach (n,).
+
+        This is the ratio of the least to the largest singular value of the map to the rolling.
+        """
         n, d, rubber = len(times), len(self.trials) - 1, self.scene.rolling == "rubber"
         every, trials = np.repeat(y, d + 1, axis=1), np.tile(self.trials, (n, 1))
         # The shell's rolling and its spin are linear in the rates of the hinges.
@@ -305,7 +296,7 @@ class _Way:
         solution = np.einsum("nij,nj->ni", np.linalg.pinv(left), right)
         rates = np.zeros((n, len(self.driven)))
         rates[:, self.driven] = weights[:, 1:] * solution[:, :d]
-        return _RobotMotion(rates, singular[:, -1] / singular[:, 0])
+        return rates, singular[:, -1] / singular[:, 0]
 
     def rate(self, times: Array, y: Array) -> Array:
         """Return dy/dt (7 + h, n); NaN for states that are astray, so that solvers reject them."""
@@ -313,7 +304,7 @@ class _Way:
         astray = ~(np.abs(y).max(axis=0) < _ASTRAY)
         if astray.any():
             y = np.where(astray, self.start()[:, None], y)
-        rates = self.motion(times, y).rates
+        rates, _ = self.rates(times, y)
         slopes, _ = self._run(y, rates, self.scene.gravity_at(times))
         parts = slopes[:, :4], slopes[:, MOMENTUM : MOMENTUM + 3], rates
         return np.where(astray, np.nan, np.concatenate(parts, axis=1).T)

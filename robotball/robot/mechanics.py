@@ -144,7 +144,16 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
             if body[_SLIDES] == 0:
                 put(row, _TURN, axis)
                 put(row, _SLIDE, scale(0.0, axis))
-                _turn(row, parent, axis, np.cos(angle), np.sin(angle))
+                cosine, sine = np.cos(angle), np.sin(angle)
+                for k in range(3):
+                    column = (
+                        parent[_ROTATION + k],
+                        parent[_ROTATION + 3 + k],
+                        parent[_ROTATION + 6 + k],
+                    )
+                    column = _turned(column, axis, cosine, sine)
+                    for i in range(3):
+                        row[_ROTATION + 3 * i + k] = column[i]
             else:
                 for i in range(_ROTATION, _TURN):
                     row[i] = parent[i]
@@ -152,37 +161,23 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
                 put(row, _TURN, scale(0.0, axis))
                 put(row, _SLIDE, axis)
             put(row, _AT, pivot)
-        _put_mass(body, row)
+        arm = subtract(vector(body, _CENTRE), vector(body, _PIVOT))
+        put(row, _FROM_CENTRE, add(vector(row, _AT), _applied(row, _ROTATION, arm)))
+        put(row, _MIDDLE, vector(row, _FROM_CENTRE))
+        # RJ by columns, then (RJ)Rᵀ by rows; J is symmetric.
+        x = _applied(row, _ROTATION, vector(body, _INERTIA))
+        y = _applied(row, _ROTATION, vector(body, _INERTIA + 3))
+        z = _applied(row, _ROTATION, vector(body, _INERTIA + 6))
+        put(row, _TENSOR, _applied(row, _ROTATION, (x[0], y[0], z[0])))
+        put(row, _TENSOR + 3, _applied(row, _ROTATION, (x[1], y[1], z[1])))
+        put(row, _TENSOR + 6, _applied(row, _ROTATION, (x[2], y[2], z[2])))
+    # The composites, whose rows hold their first bodies.
     for b in range(len(bodies) - 1, 0, -1):
-        _compose(bodies[b], placed[b], placed[int(bodies[b][_PARENT])])
-
-
-def _turn(row: _Numbers, parent: _Numbers, axis: Vector, cosine: Scalar, sine: Scalar) -> None:
-    """Write the rotation of a body that a hinge turns on its parent."""
-    for k in range(3):
-        column = _transposed(_matrix(parent, _ROTATION))[k]
-        for i, number in enumerate(_turned(column, axis, cosine, sine)):
-            row[_ROTATION + 3 * i + k] = number
-
-
-def _put_mass(body: _Numbers, row: _Numbers) -> None:
-    """Write a body's centre of mass and its tensor about it, in the carrier's axes."""
-    arm = subtract(vector(body, _CENTRE), vector(body, _PIVOT))
-    put(row, _FROM_CENTRE, add(vector(row, _AT), _applied(row, _ROTATION, arm)))
-    put(row, _MIDDLE, vector(row, _FROM_CENTRE))
-    # RJ by columns, then (RJ)Rᵀ by rows; J is symmetric.
-    R = _matrix(row, _ROTATION)
-    x, y, z = (_times(R, column) for column in _matrix(body, _INERTIA))
-    for i in range(3):
-        put(row, _TENSOR + 3 * i, _times(R, (x[i], y[i], z[i])))
-
-
-def _compose(body: _Numbers, row: _Numbers, parent: _Numbers) -> None:
-    """Write the composite of a body, and add it to its parent's, which holds the first body."""
-    middle = vector(row, _MIDDLE)
-    turned = cross(vector(row, _TURN), subtract(middle, vector(row, _AT)))
-    put(row, _PUSH, scale(body[WHOLE], add(turned, vector(row, _SLIDE))))
-    _increase(parent, _MIDDLE, scale(body[_PART], subtract(middle, vector(parent, _MIDDLE))))
+        body, row, parent = bodies[b], placed[b], placed[int(bodies[b][_PARENT])]
+        middle = vector(row, _MIDDLE)
+        turned = cross(vector(row, _TURN), subtract(middle, vector(row, _AT)))
+        put(row, _PUSH, scale(body[WHOLE], add(turned, vector(row, _SLIDE))))
+        _increase(parent, _MIDDLE, scale(body[_PART], subtract(middle, vector(parent, _MIDDLE))))
 
 
 def articulate(pose: Pose, axes: Matrix, given: _Numbers, free: _Numbers, matrix: _Numbers) -> None:
@@ -192,92 +187,64 @@ def articulate(pose: Pose, axes: Matrix, given: _Numbers, free: _Numbers, matrix
     """
     bodies, placed, root = pose.bodies, pose.placed, len(matrix)
     for b in range(len(bodies)):
-        _put_rigid(bodies[b], placed[b], free[b])
+        row, own = placed[b], free[b]
+        arm = subtract(vector(row, _FROM_CENTRE), vector(row, _AT))
+        for i in range(3):
+            push = scale(bodies[b][_MASS], (_X, _Y, _Z)[i])
+            spin = cross(push, arm)
+            put(own, _A + 3 * i, add(vector(row, _TENSOR + 3 * i), cross(arm, spin)))
+            put(own, _B + 3 * i, spin)
+            put(own, _C + 3 * i, push)
     for b in range(len(bodies) - 1, 0, -1):
-        p = int(bodies[b][_PARENT])
-        _put_joint(bodies[b], placed[b], free[b])
-        _join(
-            free[p],
-            _arm(pose, b, p),
-            _matrices(free[b]) if given[root + b - 1] else _freed(free[b]),
-        )
-    _put_turn(matrix, axes, _seen_from(pose.lift, _matrices(free[0])))
-    if root > 3:
-        _put_slip(matrix, axes, _seen_from(pose.lift, _matrices(free[0])))
-    _exchange(matrix, given)
-
-
-def _put_rigid(body: _Numbers, row: _Numbers, own: _Numbers) -> None:
-    """Write the matrices of a body without joints."""
-    arm = subtract(vector(row, _FROM_CENTRE), vector(row, _AT))
-    for i, axis in enumerate((_X, _Y, _Z)):
-        push = scale(body[_MASS], axis)
-        spin = cross(push, arm)
-        put(own, _A + 3 * i, add(vector(row, _TENSOR + 3 * i), cross(arm, spin)))
-        put(own, _B + 3 * i, spin)
-        put(own, _C + 3 * i, push)
-
-
-def _join(parent: _Numbers, arm: Vector, matrices: tuple[Matrix, Matrix, Matrix]) -> None:
-    """Add matrices about a pivot to those of the parent, from whose pivot `arm` reaches it."""
-    A, B, C = _seen_from(arm, matrices)
-    for i in range(3):
-        _increase(parent, _A + 3 * i, A[i])
-        _increase(parent, _B + 3 * i, B[i])
-        _increase(parent, _C + 3 * i, C[i])
-
-
-def _put_turn(matrix: _Numbers, axes: Matrix, matrices: tuple[Matrix, Matrix, Matrix]) -> None:
-    """Write the part of 𝓜 for a shell that turns."""
+        parent = free[int(bodies[b][_PARENT])]
+        A, B, C = _seen_from(_arm(pose, b), _freed(pose, b, given[root + b - 1], free[b]))
+        for i in range(3):
+            _increase(parent, _A + 3 * i, A[i])
+            _increase(parent, _B + 3 * i, B[i])
+            _increase(parent, _C + 3 * i, C[i])
+    A, B, C = _seen_from(pose.lift, _matrices(free[0]))
     for i in range(3):
         for j in range(3):
-            matrix[i][j] = dot(axes[i], _times(matrices[0], axes[j]))
-
-
-def _put_slip(matrix: _Numbers, axes: Matrix, matrices: tuple[Matrix, Matrix, Matrix]) -> None:
-    """Write the part of 𝓜 for a shell that slips."""
-    for j in range(2):
-        for i in range(3):
-            matrix[i][3 + j] = matrix[3 + j][i] = dot(axes[i], _times(matrices[1], axes[j]))
-        for i in range(2):
-            matrix[3 + i][3 + j] = dot(axes[i], _times(matrices[2], axes[j]))
+            matrix[i, j] = dot(axes[i], _times(A, axes[j]))
+        for j in range(3, root):
+            matrix[i, j] = matrix[j, i] = dot(axes[i], _times(B, axes[j - 3]))
+    for i in range(3, root):
+        for j in range(3, root):
+            matrix[i, j] = dot(axes[i - 3], _times(C, axes[j - 3]))
+    _exchange(matrix, given)
 
 
 def _matrices(own: _Numbers) -> tuple[Matrix, Matrix, Matrix]:
     return _matrix(own, _A), _matrix(own, _B), _matrix(own, _C)
 
 
-def _seen_from(
-    arm: Vector, matrices: tuple[Matrix, Matrix, Matrix]
-) -> tuple[Matrix, Matrix, Matrix]:
+def _seen_from(arm: Vector, matrices: tuple[Matrix, Matrix, Matrix]) -> tuple[Matrix, ...]:
     """Return A, B and C about another point, from which `arm` reaches the pivot."""
     A, B, C = matrices
     moved = _sum(B, _transposed(_around(arm, C)))
     return _sum(_sum(A, _around(arm, B)), _transposed(_around(arm, moved))), moved, C
 
 
-def _arm(pose: Pose, b: int, p: int) -> Vector:
-    """Return the pivot of body b from that of its parent p."""
+def _arm(pose: Pose, b: int) -> Vector:
+    """Return the pivot of body b from that of its parent."""
+    p = int(pose.bodies[b][_PARENT])
     return subtract(vector(pose.placed[b], _AT), vector(pose.placed[p], _AT))
 
 
-def _put_joint(body: _Numbers, row: _Numbers, own: _Numbers) -> None:
-    """Write what a unit rate of a body's joint needs."""
+def _freed(pose: Pose, b: int, given: bool, own: _Numbers) -> tuple[Matrix, Matrix, Matrix]:
+    """Write what a unit rate of the joint of body b needs; return A, B, C with the joint free."""
     A, B, C = _matrices(own)
-    turn, slide = vector(row, _TURN), vector(row, _SLIDE)
+    turn, slide = vector(pose.placed[b], _TURN), vector(pose.placed[b], _SLIDE)
     torque = add(_times(A, turn), _times(B, slide))
     force = add(_times(_transposed(B), turn), _times(C, slide))
     # The rotor of a motor has inertia for its own joint only.
-    own[_ALONG] = dot(turn, torque) + dot(slide, force) + body[_ARMATURE]
+    along = dot(turn, torque) + dot(slide, force) + pose.bodies[b][_ARMATURE]
+    own[_ALONG] = along
     put(own, _TORQUE, torque)
     put(own, _FORCE, force)
-
-
-def _freed(own: _Numbers) -> tuple[Matrix, Matrix, Matrix]:
-    """Return A, B and C of a body whose joint is free."""
-    A, B, C = _matrices(own)
-    torque, force, per_along = vector(own, _TORQUE), vector(own, _FORCE), -1 / own[_ALONG]
-    t, f = scale(per_along, torque), scale(per_along, force)
+    if given:
+        return A, B, C
+    t, f = scale(-1 / along, torque), scale(-1 / along, force)
     return _sum(A, _outer(t, torque)), _sum(B, _outer(t, force)), _sum(C, _outer(f, force))
 
 
@@ -329,7 +296,7 @@ def solve(
         else:
             u[i] = (right[i] - against) / own[_ALONG]
         force = add(force, scale(u[i], vector(own, _FORCE)))
-        arm = _arm(pose, b, p)
+        arm = _arm(pose, b)
         torque = add(add(torque, scale(u[i], vector(own, _TORQUE))), cross(arm, force))
         _increase(moving[p], _SUM, force)
         _increase(moving[p], _MOMENT, torque)
@@ -351,7 +318,7 @@ def solve(
     for b in range(1, len(bodies)):
         i, p, own, row = root + b - 1, int(bodies[b][_PARENT]), free[b], placed[b]
         turning = vector(moving[p], _TURNING_RATE)
-        velocity = add(vector(moving[p], _ACCELERATION), cross(turning, _arm(pose, b, p)))
+        velocity = add(vector(moving[p], _ACCELERATION), cross(turning, _arm(pose, b)))
         carried = dot(vector(own, _TORQUE), turning) + dot(vector(own, _FORCE), velocity)
         if given[i]:
             right[i] += carried + own[_ALONG] * u[i]
@@ -389,36 +356,28 @@ def move(pose: Pose, shell: Vector, slip: Vector, rates: _Numbers, moving: _Numb
     put(moving[0], TURNING, shell)
     put(moving[0], _VELOCITY, add(cross(shell, arm), slip))
     for b in range(1, len(bodies)):
-        _move_on(pose, moving, b, int(bodies[b][_PARENT]), rates[b - 1])
-
-
-def _move_on(pose: Pose, moving: _Numbers, b: int, p: int, rate: Scalar) -> None:
-    """Write the velocities of body b from those of its parent p and the rate of its joint."""
-    row = pose.placed[b]
-    turning = add(vector(moving[p], TURNING), scale(rate, vector(row, _TURN)))
-    velocity = add(_at_pivot(pose, moving, b, p), scale(rate, vector(row, _SLIDE)))
-    rho = subtract(vector(row, _FROM_CENTRE), vector(row, _AT))
-    put(moving[b], TURNING, turning)
-    put(moving[b], _VELOCITY, add(velocity, cross(turning, rho)))
+        p, row = int(bodies[b][_PARENT]), placed[b]
+        turning = add(vector(moving[p], TURNING), scale(rates[b - 1], vector(row, _TURN)))
+        slide = scale(rates[b - 1], vector(row, _SLIDE))
+        velocity = add(_at_pivot(pose, moving, b, p), slide)
+        rho = subtract(vector(row, _FROM_CENTRE), vector(row, _AT))
+        put(moving[b], TURNING, turning)
+        put(moving[b], _VELOCITY, add(velocity, cross(turning, rho)))
 
 
 def momenta(pose: Pose, moving: _Numbers, rates: _Numbers, along: _Numbers) -> Vector:
     """Return L and write h (h, ...) for the rates of joints, and the sums in `moving`."""
     bodies, placed = pose.bodies, pose.placed
     for b in range(len(bodies)):
-        _put_momentum(bodies[b], placed[b], moving[b])
+        push = scale(bodies[b][_MASS], vector(moving[b], _VELOCITY))
+        spin = _applied(placed[b], _TENSOR, vector(moving[b], TURNING))
+        put(moving[b], _SUM, push)
+        put(moving[b], _MOMENT, add(spin, cross(vector(placed[b], _FROM_CENTRE), push)))
     for b in range(len(bodies) - 1, 0, -1):
         along[b - 1] = _along(placed[b], vector(moving[b], _SUM), vector(moving[b], _MOMENT))
         along[b - 1] += bodies[b][_ARMATURE] * rates[b - 1]
         _hand_on(moving, b, int(bodies[b][_PARENT]))
     return add(vector(moving[0], _MOMENT), cross(pose.lift, vector(moving[0], _SUM)))
-
-
-def _put_momentum(body: _Numbers, row: _Numbers, moves: _Numbers) -> None:
-    push = scale(body[_MASS], vector(moves, _VELOCITY))
-    spin = _applied(row, _TENSOR, vector(moves, TURNING))
-    put(moves, _SUM, push)
-    put(moves, _MOMENT, add(spin, cross(vector(row, _FROM_CENTRE), push)))
 
 
 def momentum_rates(pose: Pose, moving: _Numbers, slip: Vector, rates: _Numbers) -> Vector:
@@ -430,17 +389,14 @@ def momentum_rates(pose: Pose, moving: _Numbers, slip: Vector, rates: _Numbers) 
     along a slide ḣ = (ω×n, p).
     """
     for b in range(1, len(pose.bodies)):
-        rates[b - 1] = _momentum_rate(pose, moving, b, int(pose.bodies[b][_PARENT]))
+        p, row = int(pose.bodies[b][_PARENT]), pose.placed[b]
+        omega, push = vector(moving[p], TURNING), vector(moving[b], _SUM)
+        turn, around = vector(row, _TURN), cross(push, _at_pivot(pose, moving, b, p))
+        spin = subtract(vector(moving[b], _MOMENT), cross(vector(row, _AT), push))
+        rates[b - 1] = dot(cross(omega, turn), spin) + dot(turn, around)
+        rates[b - 1] += dot(cross(omega, vector(row, _SLIDE)), push)
     v = add(cross(vector(moving[0], TURNING), pose.lift), slip)
     return cross(vector(moving[0], _SUM), v)
-
-
-def _momentum_rate(pose: Pose, moving: _Numbers, b: int, p: int) -> Scalar:
-    row, omega, push = pose.placed[b], vector(moving[p], TURNING), vector(moving[b], _SUM)
-    turn, around = vector(row, _TURN), cross(push, _at_pivot(pose, moving, b, p))
-    spin = subtract(vector(moving[b], _MOMENT), cross(vector(row, _AT), push))
-    along = dot(cross(omega, turn), spin) + dot(turn, around)
-    return along + dot(cross(omega, vector(row, _SLIDE)), push)
 
 
 def weigh(pose: Pose, gravity: Vector, torques: _Numbers) -> tuple[Vector, Vector]:
@@ -629,13 +585,6 @@ class States:
     def matrix(self) -> Array:
         """𝓜 (3 + h, 3 + h, n)."""
         return self.robot.matrix(self.pose)
-
-    def torque(self, gravity: Array) -> Array:
-        """Return the rate of L in space (3, n) under gravity (3, n), without the plane's torque."""
-        unused = np.empty_like(self.u[3:])
-        momenta(self.pose, self.moving, self.u[3:], unused)
-        rate = momentum_rates(self.pose, self.moving, _STILL, unused)
-        return np.array(add(rate, weigh(self.pose, tuple(gravity), unused)[1]))
 
     @cached_property
     def momenta(self) -> Array:

@@ -14,7 +14,6 @@ from robotball.theory.compiled import inlined
 from robotball.theory.ensembles import orbits
 from robotball.theory.ensembles.flatten import LANES
 from robotball.theory.ensembles.steppers import ALLOWED, REJECTED, TARGET, TIME, places
-from robotball.theory.symbols import traced
 
 _RESIDUAL = 1e-13  # of the section function, which is at most 1: about a hundred roundings
 _ON_SECTION = 1e-12  # a start with a smaller value is on the section
@@ -33,11 +32,11 @@ _STARTING, _MARCHING, _TO_ROOT, _AT_ROOT, _TO_TURN = 0, 1, 2, 3, 4  # modes of a
 _HERE, _LOW, _HIGH, _TURN, _SEEN, _CLOCK, _FACED, TRACK = 0, 3, 6, 9, 12, 15, 16, 17
 
 
-@traced
+@inlined
 def _put(tracks: Any, lane: int, target: int, source: int) -> None:
     """Copy time, value and rate from one place of a lane's track to another."""
     for j in range(3):
-        tracks[lane][target + j] = tracks[lane][source + j]
+        tracks[lane, target + j] = tracks[lane, source + j]
 
 
 @inlined
@@ -57,11 +56,10 @@ def _root_estimate(tracks: Any, lane: int) -> float:
     return low + span * (part if monotonic and 0 < part < 1 else 0.5)
 
 
-@traced
+@inlined
 def _turning_part(tracks: Any, lane: int) -> float:
     """Return the part of the way from _LOW to _HIGH at which the rate may pass zero."""
-    low, high = tracks[lane][_LOW + 2], tracks[lane][_HIGH + 2]
-    return low / (low - high)
+    return tracks[lane, _LOW + 2] / (tracks[lane, _LOW + 2] - tracks[lane, _HIGH + 2])
 
 
 @inlined

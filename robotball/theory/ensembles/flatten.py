@@ -10,6 +10,7 @@ operations in its body takes twice as long to compile.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partialmethod
 from typing import Any
 
 import numba
@@ -18,7 +19,6 @@ from numba import types
 from numba.extending import intrinsic
 
 from robotball.robot.formulas import Vector
-from robotball.theory.symbols import Symbol
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,72 @@ def slopes(v: Vector) -> Vector:
 
 LANES = 8  # doubles in an AVX-512 register; other machines need several registers
 FEW = 4  # doubles in an AVX register; the narrower step is faster for a single orbit
+
+
+class Symbol:
+    """A vector with a number for each lane, which becomes known when its code runs.
+
+    Products with 0 are left out, because LLVM keeps them for infinite numbers.
+    """
+
+    __slots__ = ("builder", "value")
+
+    def __init__(self, builder: ir.IRBuilder, value: Any) -> None:
+        self.builder, self.value = builder, value
+
+    def _write(self, operation: str, other: Any, swapped: bool = False) -> Any:
+        if not isinstance(other, Symbol | float | int):
+            # A dual number of symbols handles the operation.
+            return NotImplemented
+        pair = [self.value, _value(other, self.value.type)]
+        value = getattr(self.builder, operation)(*(pair[::-1] if swapped else pair))
+        return Symbol(self.builder, value)
+
+    __add__ = __radd__ = partialmethod(_write, "fadd")
+    __sub__, __rsub__ = partialmethod(_write, "fsub"), partialmethod(_write, "fsub", swapped=True)
+    __truediv__ = partialmethod(_write, "fdiv")
+    __rtruediv__ = partialmethod(_write, "fdiv", swapped=True)
+
+    def __mul__(self, other: Any) -> Any:
+        is_zero = isinstance(other, float | int) and other == 0
+        return 0.0 if is_zero else self._write("fmul", other)
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> Any:
+        # Negation as in numba: LLVM would reorder sums with fneg.
+        return -0.0 - self
+
+    def sqrt(self) -> "Symbol":
+        """Return the square root."""
+        kind = self.value.type
+        root = self.builder.module.declare_intrinsic(
+            f"llvm.sqrt.v{kind.count}f64", fnty=ir.FunctionType(kind, [kind])
+        )
+        return Symbol(self.builder, self.builder.call(root, [self.value]))
+
+    # Conditions for `choose`; false if either side is NaN.
+
+    def _compare(self, operation: str, other: "Symbol | float") -> "Symbol":
+        other = _value(other, self.value.type)
+        return Symbol(self.builder, self.builder.fcmp_ordered(operation, self.value, other))
+
+    __le__, __ge__ = partialmethod(_compare, "<="), partialmethod(_compare, ">=")
+    __lt__ = partialmethod(_compare, "<")
+
+    def __and__(self, other: "Symbol") -> "Symbol":
+        return Symbol(self.builder, self.builder.and_(self.value, other.value))
+
+    def choose(self, yes: "Symbol | float", no: "Symbol | float") -> "Symbol":
+        """Return `yes` in the lanes in which this condition holds, else `no`."""
+        kind = ir.VectorType(ir.DoubleType(), self.value.type.count)
+        chosen = self.builder.select(self.value, _value(yes, kind), _value(no, kind))
+        return Symbol(self.builder, chosen)
+
+
+def _value(number: Symbol | float, kind: Any) -> Any:
+    """Return LLVM's value of a symbol, or of a number as a constant of a type."""
+    return number.value if isinstance(number, Symbol) else kind([float(number)] * kind.count)
 
 
 def least(a: Symbol, b: Symbol | float) -> Symbol:

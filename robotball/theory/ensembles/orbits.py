@@ -24,7 +24,6 @@ from robotball.processes import Queue, in_threads
 from robotball.robot.formulas import Parameters, as_vector, check_speed
 from robotball.robot.scene import Scene, times_of
 from robotball.rotations import Array, multiply, rotation_matrix
-from robotball.theory import symbols
 from robotball.theory.compiled import Function, compiled_from, inlined, text_of
 from robotball.theory.ensembles import steppers as st
 from robotball.theory.ensembles.flatten import FEW, LANES
@@ -32,7 +31,7 @@ from robotball.theory.ensembles.steppers import PATH, System, places
 
 DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2  # the status of an orbit at its end
 STEP = "FunctionType(void(f8[::1]))"
-_SOURCES = text_of(*sorted(Path(__file__).parent.glob("*.py")), symbols.__file__)
+_SOURCES = text_of(*sorted(Path(__file__).parent.glob("*.py")))
 
 
 def compiled(signature: str) -> Callable[[Function], Function]:

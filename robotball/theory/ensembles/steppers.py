@@ -22,7 +22,6 @@ from robotball import rotations
 from robotball.robot import formulas as eq
 from robotball.robot.formulas import Parameters, Rolling, Scalar, Vector
 from robotball.rotations import Quaternion, unit_space_axes
-from robotball.theory import symbols
 from robotball.theory.compiled import compiled_from, inlined, text_of
 from robotball.theory.ensembles import flatten
 from robotball.theory.ensembles.flatten import LANES, along, lane_function, least, slopes
@@ -317,8 +316,6 @@ def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
     """Return the compiled step (workspace) -> None of a system, which is cached on disk."""
     name = f"{system.name}_{rolling}_{lanes}"
     function = lane_function(name, lanes, _step, system, rolling)
-    made_from = name + text_of(
-        rotations.__file__, eq.__file__, symbols.__file__, flatten.__file__, __file__
-    )
+    made_from = name + text_of(rotations.__file__, eq.__file__, flatten.__file__, __file__)
     # The loops take the compiled function as an argument.
     return compiled_from(made_from, "void(f8[::1])", fastmath=_FREEDOM)(function).code

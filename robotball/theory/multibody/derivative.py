@@ -47,9 +47,7 @@ from robotball.robot.mechanics import (
 )
 from robotball.robot.motors import SLOW
 from robotball.rotations import Array, Mask
-from robotball.theory import symbols
 from robotball.theory.compiled import compiled_from, inlined, text_of
-from robotball.theory.symbols import traced
 
 # Indices in a state; from HINGES on the angles, the momenta and the work, h numbers each.
 POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10
@@ -63,15 +61,11 @@ _PER_COMMAND, _PER_ANGLE, _PER_RATE, _AT_REST, LIMIT, _FRICTION, MOTOR = 0, 1, 2
 STANDING = 1e-8
 
 
-# The formulas call each other. Those with conditions or loops over bodies are left to numba.
-_LOOPS = (
-    articulate, bias, mechanics._exchange, momenta, momentum_rates, move, of_shell, place, push,
-    solve, weigh,
-)  # fmt: skip
+# The formulas call each other, and numba compiles only calls of registered functions.
 for _module in (eq, mechanics):
     for _function in vars(_module).values():
         if isinstance(_function, FunctionType):
-            (inlined if _function in _LOOPS else traced)(_function)
+            inlined(_function)
 
 
 class Machine(NamedTuple):
@@ -198,7 +192,7 @@ def _along(ahead: Vector, rolling: Vector) -> Vector:
     return eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
 
 
-@traced
+@inlined
 def _in_space(v: Vector, axes: Matrix) -> Vector:
     return (eq.dot(axes[0], v), eq.dot(axes[1], v), eq.dot(axes[2], v))
 
@@ -218,7 +212,7 @@ _SIGNATURE = types.void(
 
 # Calls with many arrays, and numba's reference counts, would take as long as the formulas.
 _OPTIONS = {"forceinline": True, "_nrt": False, "no_cfunc_wrapper": True}
-_FILES = rotations.__file__, eq.__file__, mechanics.__file__, symbols.__file__, __file__
+_FILES = rotations.__file__, eq.__file__, mechanics.__file__, __file__
 
 
 @compiled_from(text_of(*_FILES), _SIGNATURE, **_OPTIONS)

@@ -183,7 +183,7 @@ def test_hinge_rates_give_the_momentum_and_roll_the_shell_as_wanted(
     y = rng.normal(size=(len(way.start()), 20))
     y[:4] /= np.linalg.norm(y[:4], axis=0)
     y[6] *= rolling == "classical"
-    rates, axes = way.motion(times, y).rates, rotation_matrix(y[:4].T)
+    rates, axes = way.rates(times, y)[0], rotation_matrix(y[:4].T)
     readings = way._run(y, rates)[1]
     turning = np.column_stack([readings.rolling[:, :2], readings.slip[:, 2]])
     shell, gamma = np.einsum("ni,nij->nj", turning, axes), axes[:, 2]

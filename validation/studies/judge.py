@@ -42,6 +42,7 @@ from ..output import (
     scientific,
     write_record,
 )
+from .left_out import PHYSICS, left_out
 from .mistakes import Mistake, Search, reference_of, rows_of
 
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
@@ -81,6 +82,13 @@ class _Comparison:
     slip: tuple[float, float] | None
     spin: tuple[float, float] | None
     hinge_rates: dict[str, tuple[float, float]]
+
+    def within(self, tolerance: float) -> bool:
+        """Return whether all known errors are within the tolerance."""
+        errors = [self.path_error, self.attitude_error, self.height_error or 0.0]
+        errors += [(self.momentum_error or 0.0) - self.momentum_known_to]
+        errors += [error for error, _ in self.hinge_rates.values()]
+        return max(errors) <= tolerance
 
 
 def _compare(motion: RecordedMotion, theory: Motion) -> _Comparison:
@@ -128,7 +136,9 @@ class FileJudgement:
     plain : Comparison
         Its comparison with the equations.
     search : Search
-        The search for mistakes.
+        The search for mistakes in conventions and in the scene.
+    mistakes : tuple of Mistake
+        The mistakes that explain the errors, the largest first, and the physics left out.
     corrected : Comparison or None
         The comparison with the mistakes undone, and with the scene that was simulated instead. None
         if no mistake was found.
@@ -139,6 +149,7 @@ class FileJudgement:
     trajectory: Trajectory
     plain: _Comparison
     search: Search
+    mistakes: tuple[Mistake, ...]
     corrected: _Comparison | None
     tolerance: float
 
@@ -158,11 +169,6 @@ class FileJudgement:
         return None
 
     @property
-    def mistakes(self) -> tuple[Mistake, ...]:
-        """The mistakes that explain the errors, the largest first."""
-        return self.search.mistakes
-
-    @property
     def best(self) -> _Comparison:
         """The comparison without the mistakes."""
         return self.corrected or self.plain
@@ -180,11 +186,7 @@ class FileJudgement:
     @property
     def within(self) -> bool:
         """Whether all known errors are within the tolerance and no mistake was found."""
-        plain = self.plain
-        errors = [plain.path_error, plain.attitude_error, plain.height_error or 0.0]
-        errors += [(plain.momentum_error or 0.0) - plain.momentum_known_to]
-        errors += [error for error, _ in plain.hinge_rates.values()]
-        return not self.mistakes and max(errors) <= self.tolerance
+        return not self.mistakes and self.plain.within(self.tolerance)
 
     @property
     def agrees(self) -> bool:
@@ -300,10 +302,17 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
 def _judged(scene: Scene, trajectory: Trajectory, tolerance: float) -> FileJudgement:
     plain = _compare(recorded(scene, trajectory), reference_of(scene, trajectory.times))
     search = Search(trajectory, plain.theory)
-    corrected = None
-    if search.mistakes:
+    mistakes, corrected = search.mistakes, None
+    if mistakes:
         corrected = _compare(recorded(search.scene, search.corrected), search.theory)
-    return FileJudgement(trajectory, plain, search, corrected, tolerance)
+    if not (corrected or plain).within(tolerance):
+        # A mistake that leaves much may be taken for an omission.
+        sure = corrected is not None and all(mistake.sure for mistake in mistakes)
+        if not sure and (omission := left_out(plain.motion)):
+            mistakes, corrected = (omission,), None
+        elif corrected and (omission := left_out(corrected.motion)):
+            mistakes = (*mistakes, omission)
+    return FileJudgement(trajectory, plain, search, mistakes, corrected, tolerance)
 
 
 def _show(judgement: Judgement, console: Console) -> None:
@@ -387,7 +396,9 @@ def _verdict(judged: FileJudgement) -> str:
     part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
     if judged.mistakes:
         perhaps = "" if all(mistake.sure for mistake in judged.mistakes) else "perhaps "
-        return f"verdict: {perhaps}a wrong convention or scene, {part}"
+        physics = any(mistake.family == PHYSICS for mistake in judged.mistakes)
+        cause = "other physics than the scene's" if physics else "a wrong convention or scene"
+        return f"verdict: {perhaps}{cause}, {part}"
     height = "" if judged.plain.height_error is None else ", height"
     limit = f"{judged.tolerance:g}"
     bound = f"within {limit} in path{height} and momentum, and {limit} rad in attitude, {part}"
@@ -397,11 +408,12 @@ def _verdict(judged: FileJudgement) -> str:
 
 
 def _table(judged: FileJudgement) -> Table:
-    table = plain_table(("without", "path", "attitude [rad]", "ω"))
-    rows = [("any change", judged.search.plain, "bold")]
+    table = plain_table(("without", "path", "attitude [rad]", "ω", "M"))
+    before = replace(judged.search.plain, momentum=judged.plain.momentum_error)
+    rows = [("any change", before, "bold")]
     rows += [(mistake.name, mistake.after, "yellow") for mistake in judged.mistakes]
     for name, errors, style in rows:
-        cells = map(scientific, (errors.path, errors.attitude, errors.rate))
+        cells = map(scientific, (errors.path, errors.attitude, errors.rate, errors.momentum))
         table.add_row(escape(name), *cells, style=style)
     return table
 

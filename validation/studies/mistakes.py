@@ -47,7 +47,7 @@ _MOST = (2.0, 1.1)
 # Largest remaining fraction of the typical error and of the root mean square, in path, attitude or
 # ω. Measured: at most 0.09 and 0.30 if a planted mistake is undone; the rest is the engine's error.
 _REMAINING = ((0.1,), (1 / 3,))
-_SURE = 0.1  # a mistake is certain if at most this fraction of its largest error remains
+SURE = 0.1  # a mistake is certain if at most this fraction of its largest error remains
 _SPOILS = np.log(3.0)  # largest factor by which a mistake may increase another error
 _AS_GOOD = np.log(1.5)  # mistakes within this factor explain the errors equally well
 _SOUND = 1e-3  # relative, rad; below such errors of path and attitude no other scene is tried
@@ -93,12 +93,14 @@ class _Truth:
 
 
 @dataclass(frozen=True)
-class _Errors:
-    """Errors of path, over its length, of attitude [rad], and of ω, relative; None if unknown."""
+class Errors:
+    """Errors of path, over its length, attitude [rad], ω and momentum, relative, height [m]."""
 
-    path: float
-    attitude: float
+    path: float | None = None
+    attitude: float | None = None
     rate: float | None = None
+    momentum: float | None = None
+    height: float | None = None
 
 
 def rows_of(file: Trajectory, at: slice | NDArray[np.intp]) -> Trajectory:
@@ -116,7 +118,7 @@ def _some_of(count: int) -> slice:
 
 
 def _errors_at(file: Trajectory, truth: _Truth, angle: Array | None = None) -> tuple[Array, ...]:
-    """Return the errors (n,) of path, attitude and, if known, ω, in the units of `_Errors`.
+    """Return the errors (n,) of path, attitude and, if known, ω, in the units of `Errors`.
 
     Pass the attitude's error as `angle` (n,) if it is known.
     """
@@ -130,9 +132,9 @@ def _errors_at(file: Trajectory, truth: _Truth, angle: Array | None = None) -> t
     return path, angle, np.linalg.norm(file.angular_velocity - omega, axis=1) / (fastest or 1.0)
 
 
-def _largest(errors: tuple[Array, ...]) -> _Errors:
+def _largest(errors: tuple[Array, ...]) -> Errors:
     """Return the largest value of each error."""
-    return _Errors(*(float(error.max()) for error in errors))
+    return Errors(*(float(error.max()) for error in errors))
 
 
 def _typical(errors: tuple[Array, ...], times: Array) -> Array:
@@ -540,20 +542,20 @@ class Mistake:
 
     family: str
     name: str
-    before: _Errors
-    after: _Errors
+    before: Errors
+    after: Errors
     as_well: tuple[str, ...]
 
     @property
     def left(self) -> float:
-        """The smallest remaining fraction of the largest error of path, attitude or ω."""
+        """The smallest remaining fraction of the largest error of any kind."""
         pairs = zip(astuple(self.after), astuple(self.before), strict=True)
         return min(after / before for after, before in pairs if before)
 
     @property
     def sure(self) -> bool:
         """Whether so little error remains that the mistake is certain."""
-        return self.left <= _SURE
+        return self.left <= SURE
 
 
 def reference_of(scene: Scene, times: Array, **options: Any) -> Motion:
@@ -596,7 +598,7 @@ class Search:
 
     Attributes
     ----------
-    plain : _Errors
+    plain : Errors
         The errors of the file as written.
     mistakes : tuple of Mistake
         The mistakes found.
@@ -652,7 +654,7 @@ class Search:
                 if convention.family not in families
             ]  # fmt: skip
             best = _best(candidates, now)
-            wrong = max(before.path, before.attitude) > _SOUND
+            wrong = max(error.max() for error in now.errors[:2]) > _SOUND
             if wrong and not {_SCENE, _TIME} & families and not (best and _is_clear(best[0])):
                 candidates += [replace(other, file=now.file) for other in self._scenes]
                 candidates += [*self._stretched(), *self._slipping()]

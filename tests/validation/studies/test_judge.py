@@ -507,7 +507,7 @@ angular_velocity = [6, 1, 4]
 """
 
 
-def test_a_missing_gyroscopic_term_is_not_explained_by_an_inertia(
+def test_a_missing_gyroscopic_term_is_named_and_not_explained_by_an_inertia(
     robotball: Robotball, tmp_path: Path
 ) -> None:
     """Without ω×Iω the ball turns about a constant axis and rolls straight on.
@@ -524,5 +524,5 @@ def test_a_missing_gyroscopic_term_is_not_explained_by_an_inertia(
     np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,x,y,z,qw,qx,qy,qz", comments="")
     status, out, _ = robotball("judge", "lopsided.toml", "a.csv")
     assert status == 1
-    assert "verdict: off" in out
+    assert "WRONG: the gyroscopic term ω×Iω is left out" in out
     assert "inertia" not in out

@@ -306,9 +306,8 @@ def _judged(scene: Scene, trajectory: Trajectory, tolerance: float) -> FileJudge
     if mistakes:
         corrected = _compare(recorded(search.scene, search.corrected), search.theory)
     if not (corrected or plain).within(tolerance):
-        # A mistake that leaves much may be taken for an omission.
-        sure = corrected is not None and all(mistake.sure for mistake in mistakes)
-        if not sure and (omission := left_out(plain.motion)):
+        omission = left_out(plain.motion)
+        if omission and omission.left < min((mistake.left for mistake in mistakes), default=1):
             mistakes, corrected = (omission,), None
         elif corrected and (omission := left_out(corrected.motion)):
             mistakes = (*mistakes, omission)

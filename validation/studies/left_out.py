@@ -4,11 +4,10 @@ About the contact point, L changes by the weight, the plane's resistance and P×
 momentum along a hinge by its weight and its motor. The rest of a file's change is its imbalance.
 Each omission has a signature, the torque that it adds in the file's own states. It is named if the
 imbalance is this torque, with a factor of 1 or, for dampers and frictions, with a positive factor.
-The path is not used, so a chaotic motion is judged as well as another.
+The path is hardly used, so a chaotic motion is judged as well as another.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,14 +18,15 @@ from robotball.engines.recorded import sampled_rates
 from robotball.robot.formulas import add
 from robotball.robot.mechanics import Pose, States, momenta, momentum_rates, move, weigh
 from robotball.robot.motors import Free, Servo
-from robotball.rotations import Array, rotation_matrix, turned
+from robotball.rotations import Array, from_matrix, rotation_matrix, turned
 from robotball.theory.multibody.derivative import STANDING
 
 from .mistakes import SURE, Errors, Mistake
 
-_LEVEL, _VERTICAL = (0, 1), (2,)  # axes of the world
 PHYSICS = "physics"  # the family of these mistakes
-_KNOWN_TO = 3.0  # an imbalance, or a slip, must be so many times its error from numerical rates
+_LEVELS = {"rubber": 2, "classical": 3}  # rows of L whose torque is known
+_KNOWN_TO = 3.0  # an imbalance must be so many times the error of momentum from numerical rates
+_SLIPS = 0.05  # of the speed: less may be a path that lags half a step behind
 _LEAST = 1e-5  # of the momentum: a smaller imbalance is not searched
 _EXACT = 0.05  # largest difference from a factor of 1
 _AS_GOOD = 2.0  # omissions within this factor explain the imbalance equally well
@@ -42,17 +42,17 @@ def left_out(motion: RecordedMotion) -> Mistake | None:
         return flight
     balance = _balance(motion)
     imbalance = _shape(balance.momenta - _integral(times, balance.rates))
-    size, before = float(np.linalg.norm(imbalance)), float(np.abs(imbalance).max()) / scale
+    before = float(np.abs(imbalance).max()) / scale
     if not before > max(_KNOWN_TO * float(motion.momentum_error.max()) / scale, _LEAST):
         return None
     found = []
     for name, torque in _signatures(motion, balance):
         shape = _shape(_integral(times, torque))
-        if squares := float((shape**2).sum()):
-            factor = float((shape * imbalance).sum()) / squares
-            left = float(np.linalg.norm(imbalance - factor * shape)) / size
-            if factor > 0 if "{" in name else abs(factor - 1) < _EXACT:
-                found.append((left, name.format(factor)))
+        rows, squares = imbalance[: len(shape)], float((shape**2).sum())
+        factor = float((shape * rows).sum()) / squares if squares else 0.0
+        left = float(np.linalg.norm(rows - factor * shape) / np.linalg.norm(rows))
+        if factor > 0 if "{" in name else abs(factor - 1) < _EXACT:
+            found.append((left, name.format(factor)))
     found.sort()
     if not found or found[0][0] > SURE:
         return None
@@ -83,160 +83,147 @@ def _shape(rows: Array) -> Array:
 
 
 class _Balance(NamedTuple):
-    """States, their momenta (k, n), and the rates of these by the scene's own physics.
+    """Attitudes R (n, 3, 3) and states, their momenta (k, n), and the rates of these in the scene.
 
     The rows are L along the axes of space, without the vertical one in the rubber model, where the
     plane's torque is unknown, then the momenta along the hinges that have a motor.
     """
 
+    R: Array
     states: States
     momenta: Array
     rates: Array
 
 
 def _balance(motion: RecordedMotion) -> _Balance:
-    scene, R, states = motion.scene, rotation_matrix(motion.attitude), _states(motion)
+    scene, R = motion.scene, rotation_matrix(motion.attitude)
     angles, rates = motion.hinge_angles, motion.hinge_rates
+    states = scene.robot.states(R[:, 2], angles, motion.angular_velocity, rates)
     along, changes, weights = np.empty((3, *rates.T.shape))
-    seen = (np.einsum("nji,nj->in", R, v) for v in (_slip(motion), scene.gravity_at(motion.times)))
-    slip, gravity = map(tuple, seen)
+    velocity = sampled_rates(motion.times, motion.contact_point)[0]
+    slips = motion.slip.max() > _SLIPS * np.linalg.norm(velocity, axis=1).max()
+    x, y, _ = _in_space(R, states.u[:3])
+    rolling = scene.ball.radius * np.stack([y, -x], axis=1)
+    slip = tuple(np.einsum("nji,nj->in", R[:, :2], slips * (velocity - rolling)))
     move(states.pose, tuple(states.u[:3]), slip, rates.T, states.moving)
     L = momenta(states.pose, states.moving, rates.T, along)
     torque = momentum_rates(states.pose, states.moving, slip, changes)
-    _, heavy = weigh(states.pose, gravity, weights)
+    gravity = np.einsum("nji,nj->in", R, scene.gravity_at(motion.times))
+    _, heavy = weigh(states.pose, tuple(gravity), weights)
     for j, hinge in enumerate(scene.hinges):
         if hinge.motor is not None:
             command = hinge.command.rate(motion.times)
             weights[j] += hinge.motor.torque(command, angles[:, j], rates[:, j])
-    changed = _rows(motion, [*add(torque, heavy), *(changes + weights)])
-    changed += scene.friction.rolling * _resistance(motion, states, _LEVEL)
-    return _Balance(states, _rows(motion, [*L, *along]), changed)
+    changed = _rows(motion, R, [*add(torque, heavy), *(changes + weights)])
+    changed += scene.friction.rolling * _resistance(motion, R, states, [[1], [1], [0]])
+    return _Balance(R, states, _rows(motion, R, [*L, *along]), changed)
 
 
-def _states(motion: RecordedMotion) -> States:
-    gamma = rotation_matrix(motion.attitude)[:, 2]
-    omega, rates = motion.angular_velocity, motion.hinge_rates
-    return motion.scene.robot.states(gamma, motion.hinge_angles, omega, rates)
+def _in_space(R: Array, v: Array | Sequence[Array]) -> Array:
+    return np.einsum("nij,jn->in", R, v)
 
 
-def _slip(motion: RecordedMotion) -> Array:
-    """Return the velocity of the contact point (n, 3) [m/s], or 0 if it is within its error."""
-    velocity, a = sampled_rates(motion.times, motion.contact_point)[0], motion.scene.ball.radius
-    x, y, _ = _in_space(motion, _states(motion).u[:3])
-    slips = motion.slip.max() > _KNOWN_TO * motion.slip_error.max()
-    return np.pad(slips * (velocity - a * np.stack([y, -x], axis=1)), ((0, 0), (0, 1)))
-
-
-def _in_space(motion: RecordedMotion, v: Array | Sequence[Array]) -> Array:
-    return np.einsum("nij,jn->in", rotation_matrix(motion.attitude), v)
-
-
-def _rows(motion: RecordedMotion, forces: Array | Sequence[Array]) -> Array:
+def _rows(motion: RecordedMotion, R: Array, forces: Array | Sequence[Array]) -> Array:
     """Return the rows of a balance for forces (3 + h, n), the first three in frame axes."""
     scene = motion.scene
     known = not (scene.actuators or scene.controller)
     free = [j for j, hinge in enumerate(scene.hinges) if hinge.motor is not None and known]
-    level = 2 if scene.rolling == "rubber" else 3
-    return np.concatenate([_in_space(motion, forces[:3])[:level], np.array(forces[3:])[free]])
+    in_space = _in_space(R, forces[:3])[: _LEVELS[scene.rolling]]
+    return np.concatenate([in_space, np.array(forces[3:])[free]])
 
 
-def _resistance(motion: RecordedMotion, states: States, axes: Sequence[int]) -> Array:
-    """Return the rows of a torque against turning about axes of the world, per coefficient [m]."""
-    against = _in_space(motion, states.u[:3]) * np.isin([[0], [1], [2]], axes)
-    pushed = _in_space(motion, np.einsum("ikn,kn->in", states.pushes, states.u))[2]
+def _resistance(
+    motion: RecordedMotion, R: Array, states: States, axes: Sequence[Sequence[int]]
+) -> Array:
+    """Return the rows of a torque against turning about some axes of space, per coefficient [m]."""
+    against = _in_space(R, states.u[:3]) * axes
+    pushed = _in_space(R, np.einsum("ikn,kn->in", states.pushes, states.u))[2]
     weight = motion.scene.ball.mass * motion.scene.gravity_at(motion.times)[:, 2]
     normal = sampled_rates(motion.times, pushed[:, None])[0][:, 0] - weight
     torque = -normal * against / np.maximum(np.linalg.norm(against, axis=0), STANDING)
-    to_frame = np.einsum("nji,jn->in", rotation_matrix(motion.attitude), torque)
-    return _rows(motion, [*to_frame, *np.zeros_like(states.u[3:])])
+    to_frame = np.einsum("nji,jn->in", R, torque)
+    return _rows(motion, R, [*to_frame, *np.zeros_like(states.u[3:])])
 
 
 def _signatures(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str, Array]]:
     """Yield the name and the torque (k, n) of each omission; a name has a place for its factor."""
-    scene, states, tree = motion.scene, balance.states, motion.scene.ball.tree
-    robot, k, still = scene.robot, len(states.u), np.zeros_like(states.turning)
-    turns, _ = robot.moved(motion.hinge_angles)
-    inertias = np.einsum("bnij,bjk,bnlk->bnil", turns, [link.inertia for link in tree], turns)
+    scene, (R, states, own, _), tree = motion.scene, balance, motion.scene.ball.tree
+    robot, k, omega = scene.robot, len(states.u), motion.angular_velocity
     tiled = np.tile(states.pose.placed, k), tuple(np.tile(states.pose.lift, k))
     units = np.repeat(np.eye(k), len(motion.times), axis=1)
     unit = robot.moving(Pose(robot.bodies, *tiled), units)
     turning, moving = (v.reshape(len(tree), k, -1, 3) for v in (unit.turning, unit.velocities))
 
-    def on_bodies(torques: Array, forces: Array) -> Array:
-        torque = np.einsum("bkni,bni->kn", turning, torques)
-        return _rows(motion, torque + np.einsum("bkni,bni->kn", moving, forces))
+    def of_bodies(torques: Array, forces: Array | None = None) -> Array:
+        """Return the rows of torques, and forces on the centres of mass (b, n, 3), frame axes."""
+        powers = turning * torques[:, None] + moving * (0.0 if forces is None else forces[:, None])
+        return _rows(motion, R, powers.sum(axis=(0, 3)))
 
-    def on_all(torque: Array) -> Array:
-        return _rows(motion, [*torque.T, *np.zeros_like(states.u[3:])])
+    turns, inertias = robot.moved(motion.hinge_angles)[0], [link.inertia for link in tree]
+    tensors = np.einsum("bnij,bjk,bnlk->bnil", turns, inertias, turns)
+    spins, whole = np.einsum("bnij,bnj->bni", tensors, states.turning), tensors @ omega[..., None]
+    term, whole = "the gyroscopic term {} is left out", whole[..., 0]
+    yield term.format("ω×Iω"), of_bodies(np.cross(omega, whole))
+    if np.any(inside := spins - whole):
+        yield term.format("ω×k, of what turns in the frame,"), of_bodies(np.cross(omega, inside))
+        yield term.format("ω×(Iω + k)"), of_bodies(np.cross(omega, spins))
+        yield term.format("ω×Iω of each body"), of_bodies(np.cross(states.turning, spins))
 
-    omega, term = motion.angular_velocity, "the gyroscopic term ω×{} is left out"
-    inside = np.einsum("bnij,bnj->ni", inertias, states.turning - omega)
-    whole = np.einsum("bnij,nj->ni", inertias, omega)
-    yield term.format("Iω"), on_all(np.cross(omega, whole))
-    if inside.any():
-        yield term.format("k, of what turns in the frame,"), on_all(np.cross(omega, inside))
-        yield term.format("(Iω + k)"), on_all(np.cross(omega, whole + inside))
-        spins = np.einsum("bnij,bnj->bni", inertias, states.turning)
-        yield term.format("Iω of each body"), on_bodies(np.cross(states.turning, spins), still)
-
-    down = np.einsum("nji,nj->ni", rotation_matrix(motion.attitude), scene.gravity_at(motion.times))
-    weights = np.array([link.mass for link in tree])[:, None, None] * down
+    masses, gravity = np.array([link.mass for link in tree]), scene.gravity_at(motion.times)
+    weights = masses[:, None, None] * np.einsum("nji,nj->ni", R, gravity)
+    bodies = np.arange(len(tree))[:, None, None]
     for b, link in enumerate(tree):
-        lifted = still.copy()
-        lifted[b] = -weights[b]
-        yield (
-            f"gravity does not act on the {link.name} (gravity compensation)",
-            on_bodies(still, lifted),
-        )
-    yield "gravity acts on no body (gravity compensation)", on_bodies(still, -weights)
+        name = f"gravity does not act on the {link.name} (gravity compensation)"
+        yield name, of_bodies(0 * weights, -weights * (bodies == b))
+    if len(tree) > 2:
+        name = "gravity acts on nothing inside the shell (gravity compensation)"
+        yield name, of_bodies(0 * weights, -weights * (bodies > 0))
 
-    on_shell = np.arange(len(tree))[:, None, None] == 0
-    damped = on_bodies(-states.turning * on_shell, -states.velocities * on_shell)
+    of_shell = bodies == 0
+    damped = of_bodies(-states.turning * of_shell, -states.velocities * of_shell)
     yield "the ball's free joint is damped, by about {:.2g} N m s/rad and N s/m", damped
-    yield "all velocities are damped, by about {:.2g} of them per second", -balance.momenta
+    yield "all velocities are damped, by about {:.2g} of them per second", -own
     for j, hinge in enumerate(scene.hinges):
         if isinstance(hinge.motor, Free | Servo):
-            torque = np.zeros_like(states.u)
-            torque[3 + j] = -motion.hinge_rates[:, j]
-            own = isinstance(hinge.motor, Free) * hinge.motor.law.per_rate
-            damping = (
-                f"the {hinge.name}'s damping is left out"
-                if own
-                else (f"the {hinge.name}'s joint is damped, by about {{:.2g}} N m s/rad")
-            )
-            yield damping, _rows(motion, torque) * (-own or 1)
+            drag = _rows(motion, R, -states.u * (np.arange(k)[:, None] == 3 + j))
+            if damping := isinstance(hinge.motor, Free) and hinge.motor.damping:
+                yield f"the damping of the {hinge.name} is left out", -damping * drag
+            else:
+                yield f"the joint of the {hinge.name} is damped, by about {{:.2g}} N m s/rad", drag
 
-    resistance = _resistance(motion, states, _LEVEL)
-    if own := scene.friction.rolling:
-        yield "the plane's resistance to rolling is left out", -own * resistance
+    rolling = _resistance(motion, R, states, [[1], [1], [0]])
+    if resistance := scene.friction.rolling:
+        yield "the plane's resistance to rolling is left out", -resistance * rolling
     else:
-        yield "the plane resists rolling, friction.rolling = {:.2g}", resistance
+        yield "the plane resists rolling, friction.rolling is about {:.2g} m", rolling
     if scene.rolling == "classical":
-        name = "torsional friction brakes the spin, friction.torsional = {:.2g}"
-        yield name, _resistance(motion, states, _VERTICAL)
+        spinning = _resistance(motion, R, states, [[0], [0], [1]])
+        yield "the plane resists spinning, friction.torsional is about {:.2g} m", spinning
     yield from _first_order(motion, balance)
 
 
 def _first_order(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str, Array]]:
-    """Yield what a step of a first-order integrator adds to the momenta, per second and step."""
-    times, rates, q = motion.times, motion.hinge_rates, motion.attitude
-    omega = _in_space(motion, motion.angular_velocity.T).T
+    """Yield what a step of a first-order integrator adds to L, per second and step."""
+    times, rates, robot = motion.times, motion.hinge_rates, motion.scene.robot
+    shell = balance.R @ robot.moved(motion.hinge_angles)[0][0]
+    omega = _in_space(balance.R, balance.states.u[:3]).T
     faster, accelerations = sampled_rates(times, omega)[0], sampled_rates(times, rates)[0]
     h = _TURN / max(float(np.abs(omega).max()), float(np.abs(rates).max()))
 
-    def momenta_after(h: float, later: float = 0.0) -> Array:
-        turn = np.einsum("nji,nj->ni", rotation_matrix(q), omega + later * faster)
-        attitude = turned(q, h * turn)
-        seen = np.einsum("nji,nj->ni", rotation_matrix(attitude), omega + h * faster)
+    def L_after(h: float, later: float = 0.0) -> Array:
+        """Return L after h [s], if the angles change with the rates at the time `later`."""
+        turn = np.einsum("nji,nj->ni", shell, omega + later * faster)
         angles = motion.hinge_angles + h * (rates + later * accelerations)
-        moved = replace(
-            motion, attitude=attitude, angular_velocity=seen, hinge_angles=angles,
-            hinge_rates=rates + h * accelerations,
-        )  # fmt: skip
-        return _balance(moved).momenta
+        to_shell = robot.moved(angles)[0][0]
+        R = rotation_matrix(turned(from_matrix(shell), h * turn)) @ to_shell.transpose(0, 2, 1)
+        seen = np.einsum("nji,nj->in", R, omega + h * faster)
+        u = np.concatenate([seen, (rates + h * accelerations).T])
+        return _in_space(R, robot.moving(robot.pose(R[:, 2], angles), u).momenta[:3])[:level]
 
-    after, bent = momenta_after(h), sampled_rates(times, balance.rates.T)[0].T / 2
-    explicit = (after - 2 * balance.momenta + momenta_after(-h)) / (2 * h * h) - bent
+    # The rows of hinges are left out, because their motors may act at the end of a step.
+    level = _LEVELS[motion.scene.rolling]
+    after, bent = L_after(h), sampled_rates(times, balance.rates[:level].T)[0].T / 2
+    explicit = (after - 2 * L_after(0.0) + L_after(-h)) / (2 * h * h) - bent
     name = "{} Euler steps of about {{:.2g}} s (an integrator of first order)"
     yield name.format("explicit"), explicit
-    yield name.format("semi-implicit"), explicit + (momenta_after(h, h) - after) / h**2
+    yield name.format("semi-implicit"), explicit + (L_after(h, h) - after) / h**2

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from robotball import InputError, Motion, Scene, Trajectory, integrate
 from robotball.engines.recorded import angular_velocity, sampled_rates
@@ -32,7 +32,6 @@ from robotball.rotations import (
     from_matrix,
     multiply,
     rotation_matrix,
-    turn_between,
 )
 
 _FLOOR = 1e-6  # relative, rad; smaller errors count as this one
@@ -52,13 +51,18 @@ _SPOILS = np.log(3.0)  # largest factor by which a mistake may increase another 
 _AS_GOOD = np.log(1.5)  # mistakes within this factor explain the errors equally well
 _SOUND = 1e-3  # relative, rad; below such errors of path and attitude no other scene is tried
 _CLEAR = np.log(1e-2), 0.1  # typical and largest error below which a convention explains all
-# Slip below this part of the speed is ignored. A limit of friction is guessed where the slip is at
+# Slip below this part of the speed is ignored. A limit of friction is measured where the slip is at
 # least this part of the largest one.
 _SLIPS, _FAST = 0.05, 0.3
-_PARTS, _MOST_TRIALS = (0.15, 0.4, 1.0), 10  # parts of a file, fitted in turn; trials in each
-_GAIN = 1e-3  # relative decrease of the squared error at which a part is finished
 _LARGEST = 5.0  # of the sliding friction; if a file needs more, its units or axes are wrong
-_AROUND, _MOST_STEPS = np.log(5.0), 1000  # largest change of a limit; steps of a motion per second
+# Friction of a floor left at the default of MuJoCo, or of Bullet and PhysX; they take the larger
+# one of two materials, the product, and the mean.
+_DEFAULTS = 1.0, 0.5
+_COMBINED: dict[str, Callable[[float, float], float]] = {
+    "the larger": max,
+    "the mean": lambda ball, floor: (ball + floor) / 2,
+    "the product": lambda ball, floor: ball * floor,
+}
 _MOST_MISTAKES = 4  # mistakes searched for in one file
 _TRIED = 1e-9  # rtol of a mistaken scene's motion, far below the errors that matter
 _SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
@@ -382,6 +386,11 @@ def _mistaken_scenes(scene: Scene) -> Iterator[_MistakenScene]:
     if any(slope := scene.gravity_direction[:2]):
         reversed_slope = (-slope[0], -slope[1], scene.gravity_direction[2])
         yield "the plane slopes the other way", (replace(scene, gravity_direction=reversed_slope),)
+    if μ := scene.friction.sliding:
+        for floor, (rule, combined) in product(_DEFAULTS, _COMBINED.items()):
+            friction = replace(scene.friction, sliding=combined(μ, floor))
+            name = f"the friction is {combined(μ, floor):.3g}, {rule} of {μ:g} and {floor:g} for a floor"
+            yield name, (replace(scene, friction=friction),)
     yield from _starts(scene)
 
 
@@ -436,71 +445,38 @@ def _level(scene: Scene, M: Array) -> Array:
 
 
 def _slipping_scene(scene: Scene, file: Trajectory, truth: _Truth) -> Scene | None:
-    """Return the scene with the limits of friction and the slip of its start that fit a file best.
-
-    None if the file does not slip, or if they do not explain its errors.
-    """
+    """Return the scene with the limits of friction and the slip of its start that a file shows."""
     a, times, points = scene.ball.radius, file.times, file.position[:, :2]
     omega = (file if file.angular_velocity is not None else _with_own_rate(file)).angular_velocity
     shell = np.asarray(omega) - np.outer(truth.motion.hinge_rates[:, 0], scene.ball.shell.axis)
     velocity, turning = sampled_rates(times, points)[0], _rotated(shell, file.attitude)
-    slip = scene.slip_of(times, points, velocity, turning)
-    least = _SLIPS * float(np.linalg.norm(np.hypot(velocity, a * turning[:, :2]), axis=1).max())
-    slides = "sliding", slice(0, 2), 1.0, sampled_rates(times, velocity)[0]
+    slip = scene.slip_of(times, points, velocity, turning) * [1, 1, scene.rolling == "rubber"]
     arm = float(np.trace(scene.ball.inertia)) / 3 / scene.ball.mass  # m²
-    spins = "torsional", slice(2, 3), a, arm * sampled_rates(times, turning[:, 2:])[0]
-    guesses, begin = dict[str, float](), np.zeros(3)
-    for kind, part, unit, braking in (slides, spins)[: 2 if scene.rolling == "rubber" else 1]:
-        size = unit * np.linalg.norm(slip[:, part], axis=1)
-        if size.max() > least:
-            strong = np.linalg.norm(braking[size > _FAST * size.max()], axis=1)
-            guesses[kind] = float(np.median(strong)) / scene.gravity
-            begin[part] = slip[0, part] * (size[0] > least)
-
-    def scene_at(x: Array) -> Scene:
-        limits = dict(zip(guesses, np.exp(x[: len(guesses)]).tolist(), strict=True))
-        slip = np.zeros(3)
-        slip[free] = x[len(guesses) :]
-        friction, start = replace(scene.friction, **limits), replace(scene.start, slip=slip)
-        return replace(scene, friction=friction, start=start)
-
-    def off(x: Array, rows: int) -> Array:
-        try:
-            most = int(_MOST_STEPS * (1 + times[rows - 1]))
-            motion = reference_of(scene_at(x), times[:rows], rtol=_TRIED, max_steps=most)
-        except InputError:  # the ball lifts off, or sticks and slips very often
-            return np.ones(5 * rows)
-        return apart(motion, rows)
-
-    def apart(motion: Motion, rows: int) -> Array:
-        path = (points[:rows] - motion.contact_point[-rows:]) / truth.path_scale
-        turns = turn_between(motion.attitude[-rows:], file.attitude[:rows])
-        return np.concatenate([path, turns], axis=1).ravel()
-
-    free, plain = np.flatnonzero(begin), apart(truth.motion, len(times))
-    x = np.array([*np.log([*guesses.values()]), *begin[free]])
-    step = 1e-4 * np.ones(len(x))  # for differences, of motions with an error of _TRIED
-    far = np.where(np.arange(len(x)) < len(guesses), _AROUND, np.inf)
-    options: dict[str, Any] = {"bounds": (x - far, x + far), "diff_step": step, "ftol": _GAIN}
-    if not guesses or guesses.get("sliding", 0.0) > _LARGEST:
+    braked = sampled_rates(times, np.column_stack([velocity, arm * turning[:, 2]]))[0]
+    speeds, braking = (np.array([np.hypot(*v[:, :2].T), np.abs(v[:, 2])]) for v in (slip, braked))
+    sizes = speeds * [[1], [a]]
+    least = _SLIPS * float(np.linalg.norm(np.hypot(velocity, a * turning[:, :2]), axis=1).max())
+    fast = sizes > np.maximum(least, _FAST * sizes.max(axis=1, keepdims=True))
+    # The friction N W²v/|Wv| is rvN, with r = W²/|Wv| and |Wv| = Σ rv².
+    r = np.divide(braking, scene.gravity * speeds, out=np.zeros_like(speeds), where=fast)
+    limits = np.sqrt(r * (r * speeds**2).sum(axis=0))
+    kinds = zip(("sliding", "torsional"), limits, fast, strict=True)
+    found = {kind: float(np.median(row[at])) for kind, row, at in kinds if at.any()}
+    if not 0 < found.get("sliding", 1.0) < _LARGEST or not found:
         return None
-    for duration in _PARTS:
-        rows = max(round(duration * len(times)), 2)
-        left, before = np.linalg.norm(off(x, rows)), np.linalg.norm(plain[: 5 * rows])
-        if left > max(before, _SOUND * rows**0.5):
-            return None
-        x = least_squares(off, x, args=(rows,), max_nfev=_MOST_TRIALS, **options).x
-    return scene_at(x)
+    begin = slip[0] * np.repeat(sizes[:, 0] > least, [2, 1])
+    friction, start = replace(scene.friction, **found), replace(scene.start, slip=begin)
+    return replace(scene, friction=friction, start=start)
 
 
 def _slip_name(scene: Scene) -> str:
     """Return the friction and the start of a scene that slips, in the keys of a scene file."""
     friction, (x, y, spin) = scene.friction, scene.start.slip.tolist()
     limits = {"sliding": friction.sliding, "torsional": friction.torsional}
-    keys = [f"friction.{key} = {limit:.4g}" for key, limit in limits.items() if limit is not None]
+    keys = [f"friction.{key} = {limit:.2g}" for key, limit in limits.items() if limit is not None]
     keys += [f"start.slip = [{x:.3g}, {y:.3g}]"] * bool(x or y)
     keys += [f"start.spin = {spin:.3g}"] * bool(spin)
-    return f"the ball slips: {', '.join(keys)}"
+    return f"the ball slips: about {', '.join(keys)}"
 
 
 # Search ------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ them.
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -43,11 +44,13 @@ from ..output import (
     write_record,
 )
 from .left_out import PHYSICS, left_out
-from .mistakes import Mistake, Search, reference_of, rows_of
+from .mistakes import Errors, Mistake, Search, reference_of, rows_of
 
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
 _ROWS = 20_000  # that are judged, at most, where the frame turns little between them
 _TURN = 0.1  # rad
+_CLOCKS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
+_SHORTEST = 0.01  # of the scene's duration, that a file covers whose clock has another unit
 _LONGEST = 100  # scene durations; the times of a longer file are in another unit
 _EXACT = 1e-9  # radii; a smaller error of height is rounding and is not reported
 _ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error", "height_error")
@@ -184,6 +187,11 @@ class FileJudgement:
         return self.covers < _ENOUGH * (1 - 1e-9) * self.plain.theory.scene.duration
 
     @property
+    def sure(self) -> bool:
+        """Whether all mistakes are certain."""
+        return all(mistake.sure for mistake in self.mistakes)
+
+    @property
     def within(self) -> bool:
         """Whether all known errors are within the tolerance and no mistake was found."""
         return not self.mistakes and self.plain.within(self.tolerance)
@@ -272,16 +280,9 @@ def judge(
     trajectories = [
         file if isinstance(file, Trajectory) else read_trajectory(file) for file in several
     ]
-    for trajectory in trajectories:
-        if (end := float(trajectory.times[-1])) > _LONGEST * scene.duration:
-            raise InputError(
-                f"{trajectory.name}: t goes to {end:g} s, but {scene.name} lasts "
-                f"{scene.duration:g} s; if t is in another unit, call the column t [ms], t [us] "
-                "or t [ns]"
-            )
     judged = []
     for trajectory in trajectories:
-        judged.append(_judged(scene, _thinned(trajectory), tolerance))
+        judged.append(_on_its_clock(scene, _thinned(trajectory), tolerance))
         if progress is not None:
             progress(len(judged) / len(trajectories))
     return Judgement(scene, tuple(judged))
@@ -297,6 +298,27 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
             return replace(rows_of(trajectory, at), notes=(*trajectory.notes, note))
         rows *= 2
     return trajectory
+
+
+def _on_its_clock(scene: Scene, trajectory: Trajectory, tolerance: float) -> FileJudgement:
+    """Judge a trajectory, on another clock if its times are beyond the scene."""
+    times, duration = trajectory.times, scene.duration
+    for (unit, size), begin in product(_CLOCKS.items(), (0.0, float(times[0]))):
+        moved = (times - begin) * size
+        if times[-1] > duration and _SHORTEST * duration < moved[-1] <= duration * (1 + 1e-9):
+            judged = _judged(scene, replace(trajectory, times=moved), tolerance)
+            if judged.plain.within(tolerance) or (judged.mistakes and judged.sure):
+                facts = [f"are in {unit}"] * (size != 1) + [f"start at {begin:.10g}"] * (begin != 0)
+                name = f"the times {' and '.join(facts)}"
+                clock = Mistake("time", name, Errors(), Errors(), ())
+                corrected = judged.corrected or judged.plain
+                return replace(judged, mistakes=(clock, *judged.mistakes), corrected=corrected)
+    if times[-1] > _LONGEST * duration:
+        raise InputError(
+            f"{trajectory.name}: t goes to {times[-1]:g} s, but {scene.name} lasts {duration:g} s; "
+            "if t is in another unit, call the column t [ms], t [us] or t [ns]"
+        )
+    return _judged(scene, trajectory, tolerance)
 
 
 def _judged(scene: Scene, trajectory: Trajectory, tolerance: float) -> FileJudgement:
@@ -394,7 +416,7 @@ def _verdict(judged: FileJudgement) -> str:
     duration = judged.plain.theory.scene.duration
     part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
     if judged.mistakes:
-        perhaps = "" if all(mistake.sure for mistake in judged.mistakes) else "perhaps "
+        perhaps = "" if judged.sure else "perhaps "
         physics = any(mistake.family == PHYSICS for mistake in judged.mistakes)
         cause = "other physics than the scene's" if physics else "a wrong convention or scene"
         return f"verdict: {perhaps}{cause}, {part}"

@@ -31,7 +31,7 @@ _LEAST = 1e-5  # of the momentum: a smaller imbalance is not searched
 _EXACT = 0.05  # largest difference from a factor of 1
 _AS_GOOD = 2.0  # omissions within this factor explain the imbalance equally well
 _TURN = 1e-3  # rad, of a step whose error is computed
-_FALLS = 0.2  # relative error of the acceleration of a ball in free flight
+_FALLS, _ROWS = 0.1, 2  # relative error of the acceleration in free flight, and rows that show it
 _OFF = 1e-2  # radii: a ball that is so much higher than its lowest place is off the plane
 
 
@@ -62,15 +62,19 @@ def left_out(motion: RecordedMotion) -> Mistake | None:
 
 
 def _flight(motion: RecordedMotion) -> Mistake | None:
-    """Return that the ball lost contact if it is off the plane and falls with gravity."""
-    times, z, g = motion.times, motion.height, motion.scene.gravity
-    falls = sampled_rates(times, sampled_rates(times, z[:, None])[0])[0][:, 0]
-    flies = (z - z.min() > _OFF * motion.scene.ball.radius) & (np.abs(falls + g) < _FALLS * g)
-    if not flies.any():
+    """Return that the ball lost contact, if it is off the plane and falls freely."""
+    times, z, gravity = motion.times, motion.height, motion.scene.gravity_world
+    velocities = (
+        np.diff(np.column_stack([motion.contact_point, z]), axis=0) / np.diff(times)[:, None]
+    )
+    faster = 2 * np.diff(velocities, axis=0) / (times[2:] - times[:-2])[:, None]
+    falls = np.linalg.norm(faster - gravity, axis=1) < _FALLS * np.linalg.norm(gravity)
+    flies = falls & (z[1:-1] - z.min() > _OFF * motion.scene.ball.radius)
+    if np.count_nonzero(flies) < _ROWS:
         return None
-    height = float(z.max() - z.min())
-    name = f"contact lost: the ball flies at t = {times[flies.argmax()]:.3g} s, {height:.2g} m high"
-    return Mistake(PHYSICS, name, Errors(height=height), Errors(height=0.0), ())
+    first, height = times[1 + flies.argmax()], z.max() - z.min()
+    name = f"contact lost: the ball flies at t = {first:.3g} s, {height:.2g} m high"
+    return Mistake(PHYSICS, name, Errors(), Errors(), ())
 
 
 def _integral(times: Array, rates: Array) -> Array:

@@ -39,6 +39,7 @@ _SAMPLES = 400  # on which a convention is tried
 _NEAR = 1.3  # a factor of length closer to 1 may be an engine's error, so it is not tried as a unit
 _STRETCHES = 400  # tried before the best one is refined
 _LONGEST = 0.1  # largest stretch as a fraction of the time
+_LATE = 0.5  # of the scene: the latest beginning of a file whose clock then starts at 0
 _LESSENS = np.log(5.0)  # a mistake must reduce one of the errors to a fifth
 # Factors by which mistakes must divide the typical error and the root mean square of all errors
 # together. Measured: 1.008 by chance, at least 2.9 and 1.28 if a planted mistake is undone.
@@ -98,13 +99,12 @@ class _Truth:
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of path, over its length, attitude [rad], ω and momentum, relative, height [m]."""
+    """Errors of path, over its length, attitude [rad], ω and momentum, relative; or None."""
 
     path: float | None = None
     attitude: float | None = None
     rate: float | None = None
     momentum: float | None = None
-    height: float | None = None
 
 
 def rows_of(file: Trajectory, at: slice | NDArray[np.intp]) -> Trajectory:
@@ -389,7 +389,8 @@ def _mistaken_scenes(scene: Scene) -> Iterator[_MistakenScene]:
     if μ := scene.friction.sliding:
         for floor, (rule, combined) in product(_DEFAULTS, _COMBINED.items()):
             friction = replace(scene.friction, sliding=combined(μ, floor))
-            name = f"the friction is {combined(μ, floor):.3g}, {rule} of {μ:g} and {floor:g} for a floor"
+            of = f"{rule} of the ball's {μ:g} and a floor's default of {floor:g}"
+            name = f"friction.sliding is {combined(μ, floor):.3g}, {of}"
             yield name, (replace(scene, friction=friction),)
     yield from _starts(scene)
 
@@ -526,7 +527,7 @@ class Mistake:
     def left(self) -> float:
         """The smallest remaining fraction of the largest error of any kind."""
         pairs = zip(astuple(self.after), astuple(self.before), strict=True)
-        return min(after / before for after, before in pairs if before)
+        return min((after / before for after, before in pairs if before), default=SURE)
 
     @property
     def sure(self) -> bool:
@@ -537,6 +538,12 @@ class Mistake:
 def reference_of(scene: Scene, times: Array, **options: Any) -> Motion:
     """Integrate the scene at 0 and at the times (n,) of a trajectory; options of `integrate`."""
     return integrate(scene, times if times[0] == 0 else np.concatenate([[0.0], times]), **options)
+
+
+def _truth_of(theory: Motion, times: Array, step: int = 1) -> _Truth:
+    """Return the truth at every `step`-th of the times (n,) for `reference_of` these times."""
+    rows = {place: array[int(times[0] != 0) :: step] for place, array in arrays_of(theory)}
+    return _Truth(with_arrays(theory, rows), theory.path_scale)
 
 
 @dataclass(frozen=True)
@@ -592,7 +599,10 @@ class Search:
         """Search a trajectory; the theory is its reference."""
         self.trajectory, self.theory = trajectory, theory
         self.at = _some_of(len(trajectory.times))
-        rows, truth = rows_of(trajectory, self.at), self._truth(theory, self.at.step)
+        rows, truth = (
+            rows_of(trajectory, self.at),
+            _truth_of(theory, trajectory.times, self.at.step),
+        )
         # The file as written, then with each accepted mistake undone as well.
         self._accepted = [_Candidate("", "", 0, rows, truth, theory.scene)]
         self.plain = _largest(self._accepted[0].errors)
@@ -633,7 +643,7 @@ class Search:
             wrong = max(error.max() for error in now.errors[:2]) > _SOUND
             if wrong and not {_SCENE, _TIME} & families and not (best and _is_clear(best[0])):
                 candidates += [replace(other, file=now.file) for other in self._scenes]
-                candidates += [*self._stretched(), *self._slipping()]
+                candidates += [*self._clocks(), *self._slipping()]
                 best = _best(candidates, now)
             if _RATE not in families and (before.rate or 0.0) > _ASTRAY:
                 # Otherwise limited rates would be called by the nearest convention.
@@ -652,13 +662,14 @@ class Search:
         if not accepted:
             return self.trajectory
         last = accepted[-1]
-        # A stretch is the same for all rows.
-        times = self.trajectory.times * (last.file.times[-1] / first.file.times[-1])
+        # Another clock is the same for all rows.
+        (begin, end), (before, after) = last.file.times[[0, -1]], first.file.times[[0, -1]]
+        times = begin + (self.trajectory.times - before) * ((end - begin) / (after - before))
         file = replace(self.trajectory, times=times, momentum=None)
         # Integrating at all rows of a long file takes as long as trying many mistakes.
         if self.theory.scene is not last.scene or self.theory.times[-1] != times[-1]:
             self.theory = reference_of(last.scene, times)
-        truth = self._truth(self.theory, 1)
+        truth = _truth_of(self.theory, times)
         undo = {
             convention.name: convention.undo for convention in _conventions(truth, self._has_height)
         }
@@ -672,11 +683,6 @@ class Search:
     def _has_height(self) -> bool:
         return bool(np.isfinite(self.trajectory.position[0, 2]))
 
-    def _truth(self, theory: Motion, step: int) -> _Truth:
-        first = 0 if self.trajectory.times[0] == 0 else 1
-        rows = {place: array[first::step] for place, array in arrays_of(theory)}
-        return _Truth(with_arrays(theory, rows), theory.path_scale)
-
     @cached_property
     def _scenes(self) -> list[_Candidate]:
         """The motions of scenes that may have been simulated instead; integrated once."""
@@ -684,21 +690,29 @@ class Search:
         for name, scenes in _mistaken_scenes(self._accepted[-1].scene):
             for scene in scenes:
                 with contextlib.suppress(InputError):  # nobody can have simulated such a ball
-                    truth = self._truth(reference_of(scene, file.times, rtol=_TRIED), 1)
+                    truth = _truth_of(reference_of(scene, file.times, rtol=_TRIED), file.times)
                     candidates.append(_Candidate(_SCENE, name, 1, file, truth, scene))
         return candidates
 
-    def _stretched(self) -> Iterator[_Candidate]:
+    def _clocks(self) -> Iterator[_Candidate]:
         """Yield the scene's own motion on another clock."""
         file, scene = self._accepted[-1].file, self._accepted[-1].scene
-        later = np.linspace(0, file.times[-1] / (1 - _LONGEST), _FINE)
-        tried = np.linspace(1 - _LONGEST, 1 + _LONGEST, _STRETCHES + 1)
+        factors = np.linspace(1 - _LONGEST, 1 + _LONGEST, _STRETCHES + 1)
+        late = np.linspace(-_LATE * scene.duration, file.times[0], _STRETCHES + 1)
+        yield from self._clock("too long by a factor of {:.5g}", lambda x: file.times / x, factors)
+        yield from self._clock("off by {:+.4g} s", lambda x: file.times - x, late)
+
+    def _clock(
+        self, name: str, clock: Callable[[float], Array], tried: Array
+    ) -> Iterator[_Candidate]:
+        file, scene = self._accepted[-1].file, self._accepted[-1].scene
+        end = float(clock(tried[0])[-1])
         with contextlib.suppress(InputError):  # a drive may end before
-            error = _error_at(file, integrate(scene, later, rtol=_TRIED))
-            stretch = _least(lambda stretch: error(file.times / stretch), tried, 1e-7)
-            right = replace(file, times=file.times / stretch)
-            truth = self._truth(reference_of(scene, right.times, rtol=_TRIED), 1)
-            name = f"the times are too long by a factor of {stretch:.5g}"
+            error = _error_at(file, integrate(scene, np.linspace(0, end, _FINE), rtol=_TRIED))
+            best = _least(lambda x: error(clock(x)), tried, 1e-7)
+            right = replace(file, times=clock(min(best, float(tried[-1]))))
+            truth = _truth_of(reference_of(scene, right.times, rtol=_TRIED), right.times)
+            name = f"the times are {name.format(best)}"
             candidate = _Candidate(_TIME, name, 1, right, truth, scene)
             # A wrong clock shows in ω too. Another inertia may slow down the path alone.
             gain = self._accepted[-1].typical - candidate.typical
@@ -710,7 +724,7 @@ class Search:
         now = self._accepted[-1]
         if found := _slipping_scene(now.scene, now.file, now.truth):
             with contextlib.suppress(InputError):
-                truth = self._truth(reference_of(found, now.file.times, rtol=_TRIED), 1)
+                truth = _truth_of(reference_of(found, now.file.times, rtol=_TRIED), now.file.times)
                 yield _Candidate(_SCENE, _slip_name(found), 1, now.file, truth, found)
 
     def _rate_of_attitude(self) -> _Candidate:

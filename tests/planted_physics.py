@@ -21,7 +21,11 @@ Change = Callable[[Any], None]
 
 
 def mujoco_file(
-    scene: rb.Scene, change: Change, end: float = 3.0, timestep: float = 1e-3, interval: float = INTERVAL
+    scene: rb.Scene,
+    change: Change,
+    end: float = 3.0,
+    timestep: float = 1e-3,
+    interval: float = INTERVAL,
 ) -> rb.Trajectory:
     """Return a run of the scene's exported MJCF after a change of the model."""
     spec = mujoco.MjSpec.from_string(write_model(scene, rb.preset("accurate")).xml)
@@ -42,13 +46,22 @@ def mujoco_file(
             mujoco.mj_comVel(model, data)
             velocity = np.zeros(6)
             mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, frame, velocity, 1)
-            at = [data.qpos[j.qposadr[0]] for _, j in hinges], [data.qvel[j.dofadr[0]] for _, j in hinges]
-            rows.append([data.time, *data.xpos[shell], *data.xquat[frame], *velocity[:3], *at[0], *at[1]])
+            at = (
+                [data.qpos[j.qposadr[0]] for _, j in hinges],
+                [data.qvel[j.dofadr[0]] for _, j in hinges],
+            )
+            rows.append(
+                [data.time, *data.xpos[shell], *data.xquat[frame], *velocity[:3], *at[0], *at[1]]
+            )
         mujoco.mj_step(model, data)
     table, names = np.array(rows), [hinge.name for hinge, _ in hinges]
     columns = [f"{name}_angle" for name in names] + [f"{name}_rate" for name in names]
     return rb.Trajectory(
-        "run.csv", step * 0 + table[:, 0], table[:, 1:4], table[:, 4:8], table[:, 8:11],
+        "run.csv",
+        step * 0 + table[:, 0],
+        table[:, 1:4],
+        table[:, 4:8],
+        table[:, 8:11],
         others=dict(zip(columns, table[:, 11:].T, strict=True)),
     )
 
@@ -109,7 +122,10 @@ def own_file(
             k2 = faster(moved(R, shell + h / 4 * k1, h / 2), shell + h / 2 * k1)
             k3 = faster(moved(R, shell + h / 4 * k2, h / 2), shell + h / 2 * k2)
             k4 = faster(moved(R, shell + h / 2 * k3, h), shell + h * k3)
-            shell, mean = shell + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), shell + h / 6 * (k1 + k2 + k3)
+            shell, mean = (
+                shell + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4),
+                shell + h / 6 * (k1 + k2 + k3),
+            )
             turning = [mean]
             R = moved(R, mean, h)
         point = point + h * a * np.array([turning[0][1], -turning[0][0]])

@@ -1,7 +1,7 @@
 """Write motions as tables, and read trajectories written by any simulator.
 
 A motion of robotball is stored with all arrays as named columns, and a header with its scene and
-engine. A foreign trajectory needs time, position and attitude; many column names and units are
+engine. A foreign trajectory needs time and position; many column names and units are
 recognized and converted to SI.
 """
 
@@ -53,7 +53,7 @@ _ALIASES = {
         for alias in (*columns.replace("*", name[-1]).split(), *(f"{a}{i}" for a in arrays.split()))
     },
 }
-_NEEDED = ("t", "x", "y", "qw", "qx", "qy", "qz")
+_NEEDED = ("t", "x", "y")
 LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 TAU = 2 * np.pi
@@ -192,7 +192,7 @@ class Trajectory(Value):
     position : (n, 3), m
         The ball's position. The third column is NaN if the file has no height.
     attitude : (n, 4)
-        Unit quaternions (w, x, y, z).
+        Unit quaternions (w, x, y, z). NaN if the file has no attitude.
     angular_velocity : (n, 3), rad/s, or None
         The angular velocity of the frame, if the file has it.
     momentum : (n, 3), kg m²/s, or None
@@ -230,8 +230,8 @@ class Trajectory(Value):
 def read_trajectory(path: str | Path) -> Trajectory:
     """Read a trajectory written by any simulator.
 
-    The file needs time, position and attitude. Many column names and units are recognized and
-    converted to SI.
+    The file needs time and position, and attitude for all but its path. Many column names and units
+    are recognized and converted to SI.
 
     Parameters
     ----------
@@ -267,15 +267,18 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
     columns, others, notes = recognized(table, {})
     missing = [column for column in _NEEDED if column not in columns]
     if missing:
-        there, needed = ", ".join(table.columns) or "none", ",".join(_NEEDED)
+        there, needed = ", ".join(table.columns) or "none", "t,x,y and qw,qx,qy,qz"
         line = f"missing columns {','.join(missing)}; the file has {there}, needed are {needed}"
         raise InputError(line)
     for column, values in columns.items():
         _check_finite(column, values, columns["t"])
     times = columns["t"]
     check_increasing(times)
-    attitude = np.stack([columns[column] for column in ("qw", "qx", "qy", "qz")], axis=1)
-    attitude, rounded = to_unit(attitude, times)
+    attitude, rounded = together(columns, ("qw", "qx", "qy", "qz")), list[str]()
+    if attitude is None:
+        attitude = np.full((len(times), 4), np.nan)
+    else:
+        attitude, rounded = to_unit(attitude, times)
     height = columns.get("z", np.full(len(times), np.nan))
     return Trajectory(
         name=name,

@@ -88,7 +88,7 @@ class _Comparison:
 
     def within(self, tolerance: float) -> bool:
         """Return whether all known errors are within the tolerance."""
-        errors = [self.path_error, self.attitude_error, self.height_error or 0.0]
+        errors = [self.path_error, known(self.attitude_error) or 0.0, self.height_error or 0.0]
         errors += [(self.momentum_error or 0.0) - self.momentum_known_to]
         errors += [error for error, _ in self.hinge_rates.values()]
         return max(errors) <= tolerance
@@ -104,7 +104,7 @@ def _compare(motion: RecordedMotion, theory: Motion) -> _Comparison:
         attitude_error=attitude_error(motion, theory),
         gamma_error=gamma_error(motion, theory),
         momentum_error=known(momentum_error(motion, theory)),
-        momentum_known_to=float(motion.momentum_error.max() / theory.scene.momentum_scale),
+        momentum_known_to=known(motion.momentum_error.max() / theory.scene.momentum_scale) or 0.0,
         level=level,
         height_error=known(float(np.abs(motion.height - level).max()) / radius),
         slip=_largest(motion.slip, motion.slip_error),
@@ -348,6 +348,9 @@ def lines(judged: FileJudgement) -> list[str]:
     """Return the report on a file, one line per fact."""
     plain, best = judged.plain, judged.best
     report = [*judged.trajectory.notes, _errors(plain), *_contact(plain)]
+    if known(plain.attitude_error) is None:
+        unknown = "attitude, momentum, slip and spin are unknown, and what only they show"
+        report.append(f"the file has no attitude qw,qx,qy,qz: {unknown}")
     for name in (hinge.name for hinge in plain.motion.scene.hinges):
         if name not in plain.hinge_rates:
             unknown = "momentum, slip and spin" if name == "frame" else "momentum"
@@ -368,8 +371,14 @@ def lines(judged: FileJudgement) -> list[str]:
         names = " or ".join((mistake.name, *mistake.as_well))
         left = "" if mistake.sure else f", which leaves {mistake.left:.0%} of the error"
         report.append(f"{'WRONG' if mistake.sure else 'PERHAPS'}: {names}{left}")
+        if (before := mistake.before.momentum) and (after := mistake.after.momentum):
+            balance = f"{before:.1e} of it is not explained by the scene, {after:.1e} with that"
+            report.append(f"the momentum shows it: {balance}")
     if judged.corrected is not None:
         report += [f"without that: {line}" for line in (_errors(best), *_contact(best))]
+    if not judged.within and all("friction." in mistake.name for mistake in judged.mistakes):
+        fit = f"robotball fit {plain.theory.scene.name} {judged.name} --free NUMBER"
+        report.append(f"to see whether other numbers of the scene explain the file: {fit}")
     return [*report, _verdict(judged)]
 
 
@@ -378,9 +387,11 @@ def _errors(comparison: _Comparison) -> str:
     momentum = "unknown" if error is None else f"{error:.1e}"
     if error is not None and known_to:
         momentum += f" (known to {known_to:.0e})"
-    return (
-        f"path error {comparison.path_error:.1e}, attitude error "
-        f"{comparison.attitude_error:.1e} rad, momentum error {momentum}"
+    path, attitude = f"path error {comparison.path_error:.1e}", comparison.attitude_error
+    return path + (
+        ""
+        if attitude is None
+        else f", attitude error {attitude:.1e} rad, momentum error {momentum}"
     )
 
 
@@ -422,7 +433,12 @@ def _verdict(judged: FileJudgement) -> str:
         return f"verdict: {perhaps}{cause}, {part}"
     height = "" if judged.plain.height_error is None else ", height"
     limit = f"{judged.tolerance:g}"
-    bound = f"within {limit} in path{height} and momentum, and {limit} rad in attitude, {part}"
+    rest = (
+        ""
+        if known(judged.plain.attitude_error) is None
+        else f" and momentum, and {limit} rad in attitude"
+    )
+    bound = f"within {limit} in path{height}{rest}, {part}"
     if judged.within and judged.too_short:
         return f"verdict: too short to judge, under {_ENOUGH:.0%} of the scene; {bound}"
     return f"verdict: agrees {bound}" if judged.within else f"verdict: off; not {bound}"
@@ -434,7 +450,8 @@ def _table(judged: FileJudgement) -> Table:
     rows = [("any change", before, "bold")]
     rows += [(mistake.name, mistake.after, "yellow") for mistake in judged.mistakes]
     for name, errors, style in rows:
-        cells = map(scientific, (errors.path, errors.attitude, errors.rate, errors.momentum))
+        attitude = None if known(judged.plain.attitude_error) is None else errors.attitude
+        cells = map(scientific, (errors.path, attitude, errors.rate, errors.momentum))
         table.add_row(escape(name), *cells, style=style)
     return table
 

@@ -129,7 +129,8 @@ def _errors_at(file: Trajectory, truth: _Truth, angle: Array | None = None) -> t
     offset, omega = file.position[:, :2] - truth.motion.contact_point, truth.motion.angular_velocity
     path = np.linalg.norm(offset, axis=1) / truth.path_scale
     if angle is None:
-        angle = angle_between(truth.motion.attitude, file.attitude)
+        # An unknown attitude has no error.
+        angle = np.nan_to_num(angle_between(truth.motion.attitude, file.attitude))
     if file.angular_velocity is None:
         return path, angle
     fastest = np.linalg.norm(omega, axis=1).max()
@@ -508,7 +509,7 @@ def _error_at(file: Trajectory, reference: Motion) -> Callable[[Array], float]:
         apart = ((file.position[inside, :2] - path) ** 2).sum(axis=1) / reference.path_scale**2
         # The attitude error is 2|sin(angle/2)|, for either sign of the quaternions.
         cosine = np.abs((turn * file.attitude[inside]).sum(axis=1)) / np.linalg.norm(turn, axis=1)
-        return float(np.sqrt(np.mean(apart + 2 * (1 - np.minimum(cosine, 1.0)))))
+        return float(np.sqrt(np.mean(apart + 2 * np.nan_to_num(1 - np.minimum(cosine, 1.0)))))
 
     return error
 

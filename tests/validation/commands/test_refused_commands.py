@@ -150,7 +150,7 @@ REFUSED = {
     "compare nowhere.toml": "nowhere.toml No~such~file",
     f"compare {LONG}.toml": "File~name~too~long",
     "judge fig12": "judge t,x,y,qw,qx,qy,qz",
-    "judge fig12 a.csv": "a.csv y,qw,qx,qy,qz t x",
+    "judge fig12 a.csv": "a.csv y t x",
     "judge fig12 late.csv": "late.csv t 1e+300 row~2",
     "judge fig12 huge.csv --json j": "huge.csv x 1e+300 row~2",
     "judge fig12 deep.csv": "deep.csv CSV recursion",

@@ -340,11 +340,10 @@ def test_a_contact_engines_file_has_no_mistake(name: str, preset: str, tmp_path:
             "friction.sliding~=~0.3 start.slip~=~[3,~1]",
         ),
         (regular(0.3), "friction.sliding~=~0.3"),
-        pytest.param(
+        (
             with_frame(sphere((2.0, 0.0), (10.0, 5.0, 20.0), Friction(0.3, 0.02), "rubber")),
             "friction.sliding~=~0.3 friction.torsional~=~0.02 start.slip~=~[1.5,~1] "
             "start.spin~=~20",
-            marks=pytest.mark.slow,
         ),
     ],
 )  # fmt: skip
@@ -356,8 +355,8 @@ def test_a_ball_that_slips_is_explained_by_its_friction_and_start(
     assert judged(truth, right).agrees
     verdict = judged(truth.ideal, right)
     assert untold([facts], [mistake.name for mistake in verdict.mistakes]) == []
-    assert verdict.best.path_error < 1e-6  # measured 4e-10; the numbers are fitted
-    assert verdict.best.attitude_error < 1e-6
+    assert verdict.best.path_error < 1e-4  # measured 1e-14 to 3.2e-5; numerical rates
+    assert verdict.best.attitude_error < 2e-2  # measured 4e-13 to 7.0e-3
 
 
 def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
@@ -434,11 +433,39 @@ def test_a_long_file_is_judged_by_some_of_its_rows(monkeypatch: pytest.MonkeyPat
     assert verdict.plain.path_error == pytest.approx(off, rel=1e-6)
 
 
-def test_a_file_in_milliseconds_is_refused_with_the_unit() -> None:
+@pytest.mark.parametrize(
+    ("clock", "facts"),
+    [
+        (lambda t: 1e3 * t, "times ms"),
+        (lambda t: 1e9 * (t + 77), "times ns start 7.7e+10"),
+        (lambda t: t + 1.5e9, "times start 1500000000"),
+        (lambda t: t + 5, "times +5~s"),
+    ],
+)
+def test_a_clock_of_another_unit_or_beginning_is_named(
+    clock: Callable[[Array], Array], facts: str
+) -> None:
+    """The rest agrees, to the rounding of times since 1970."""
+    right = exact(FIG12, 2.0, 100)
+    verdict = judged(FIG12, replace(right, times=clock(right.times)))
+    assert untold([facts], [mistake.name for mistake in verdict.mistakes]) == []
+    assert verdict.best.path_error < 1e-6  # measured 3e-16 to 1e-7
+
+
+def test_a_clock_that_starts_after_the_scene_is_named() -> None:
+    """The file lacks the scene's first half second."""
+    motion = rb.integrate(FIG12, np.linspace(0, END, 101))
+    late = bare(motion, 1.0, slice(25, None))
+    verdict = judged(FIG12, replace(late, times=late.times - 0.5))
+    assert untold(["times -0.5~s"], [mistake.name for mistake in verdict.mistakes]) == []
+    assert verdict.best.path_error < 1e-6  # measured 1e-8; the shift is fitted
+
+
+def test_a_file_far_longer_than_the_scene_is_refused_with_the_unit() -> None:
     """The message names the last time and the scene's duration."""
     file = exact(FIG12)
-    with pytest.raises(rb.InputError, match=naming("t 2000~s fig12 10~s")):
-        judge(FIG12, replace(file, times=1e3 * file.times))
+    with pytest.raises(rb.InputError, match=naming("t 4400~s fig12 10~s")):
+        judge(FIG12, replace(file, times=2.2e3 * file.times))
 
 
 def test_a_file_of_another_scene_is_reported(tmp_path: Path) -> None:

@@ -24,7 +24,6 @@ from robotball.theory.multibody.derivative import STANDING
 from .mistakes import SURE, Errors, Mistake
 
 PHYSICS = "physics"  # the family of these mistakes
-_LEVELS = {"rubber": 2, "classical": 3}  # rows of L whose torque is known
 _KNOWN_TO = 3.0  # an imbalance must be so many times the error of momentum from numerical rates
 _SLIPS = 0.05  # of the speed: less may be a path that lags half a step behind
 _LEAST = 1e-5  # of the momentum: a smaller imbalance is not searched
@@ -89,8 +88,8 @@ def _shape(rows: Array) -> Array:
 class _Balance(NamedTuple):
     """Attitudes R (n, 3, 3) and states, their momenta (k, n), and the rates of these in the scene.
 
-    The rows are L along the axes of space, without the vertical one in the rubber model, where the
-    plane's torque is unknown, then the momenta along the hinges that have a motor.
+    The rows are L along the axes of space, without the vertical one if the ball does not spin, as
+    the plane's torque is then unknown, and the momenta along the hinges that have a motor.
     """
 
     R: Array
@@ -132,8 +131,14 @@ def _rows(motion: RecordedMotion, R: Array, forces: Array | Sequence[Array]) -> 
     scene = motion.scene
     known = not (scene.actuators or scene.controller)
     free = [j for j, hinge in enumerate(scene.hinges) if hinge.motor is not None and known]
-    in_space = _in_space(R, forces[:3])[: _LEVELS[scene.rolling]]
+    in_space = _in_space(R, forces[:3])[: 3 if _spins(motion) else 2]
     return np.concatenate([in_space, np.array(forces[3:])[free]])
+
+
+def _spins(motion: RecordedMotion) -> bool:
+    """Return whether the ball may spin, so that the plane's torque is known."""
+    turning = np.linalg.norm(motion.angular_velocity, axis=1).max()
+    return motion.scene.rolling == "classical" or np.abs(motion.spin).max() > _SLIPS * turning
 
 
 def _resistance(
@@ -200,7 +205,7 @@ def _signatures(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str
         yield "the plane's resistance to rolling is left out", -resistance * rolling
     else:
         yield "the plane resists rolling, friction.rolling is about {:.2g} m", rolling
-    if scene.rolling == "classical":
+    if _spins(motion):
         spinning = _resistance(motion, R, states, [[0], [0], [1]])
         yield "the plane resists spinning, friction.torsional is about {:.2g} m", spinning
     yield from _first_order(motion, balance)
@@ -225,7 +230,7 @@ def _first_order(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[st
         return _in_space(R, robot.moving(robot.pose(R[:, 2], angles), u).momenta[:3])[:level]
 
     # The rows of hinges are left out, because their motors may act at the end of a step.
-    level = _LEVELS[motion.scene.rolling]
+    level = 3 if _spins(motion) else 2
     after, bent = L_after(h), sampled_rates(times, balance.rates[:level].T)[0].T / 2
     explicit = (after - 2 * L_after(0.0) + L_after(-h)) / (2 * h * h) - bent
     name = "{} Euler steps of about {{:.2g}} s (an integrator of first order)"

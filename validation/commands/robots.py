@@ -179,7 +179,7 @@ def judge(
     Parameters
     ----------
     files
-        CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz.
+        CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz, or t,x,y alone.
     tolerance
         Largest errors that agree: relative for path, height, momentum and rates; in rad for the
         attitude.

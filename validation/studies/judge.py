@@ -308,11 +308,9 @@ def _on_its_clock(scene: Scene, trajectory: Trajectory, tolerance: float) -> Fil
         if times[-1] > duration and _SHORTEST * duration < moved[-1] <= duration * (1 + 1e-9):
             judged = _judged(scene, replace(trajectory, times=moved), tolerance)
             if judged.plain.within(tolerance) or (judged.mistakes and judged.sure):
-                facts = [f"are in {unit}"] * (size != 1) + [f"start at {begin:.10g}"] * (begin != 0)
-                name = f"the times {' and '.join(facts)}"
-                clock = Mistake("time", name, Errors(), Errors(), ())
-                corrected = judged.corrected or judged.plain
-                return replace(judged, mistakes=(clock, *judged.mistakes), corrected=corrected)
+                name = f"the times are in {unit}" + f" and start at {begin:.10g}" * bool(begin)
+                several = Mistake("time", name, Errors(), Errors(), ()), *judged.mistakes
+                return replace(judged, mistakes=several, corrected=judged.best)
     if times[-1] > _LONGEST * duration:
         raise InputError(
             f"{trajectory.name}: t goes to {times[-1]:g} s, but {scene.name} lasts {duration:g} s; "
@@ -348,7 +346,7 @@ def lines(judged: FileJudgement) -> list[str]:
     """Return the report on a file, one line per fact."""
     plain, best = judged.plain, judged.best
     report = [*judged.trajectory.notes, _errors(plain), *_contact(plain)]
-    if known(plain.attitude_error) is None:
+    if np.isnan(plain.attitude_error):
         unknown = "attitude, momentum, slip and spin are unknown, and what only they show"
         report.append(f"the file has no attitude qw,qx,qy,qz: {unknown}")
     for name in (hinge.name for hinge in plain.motion.scene.hinges):
@@ -428,14 +426,14 @@ def _verdict(judged: FileJudgement) -> str:
     part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
     if judged.mistakes:
         perhaps = "" if judged.sure else "perhaps "
-        physics = any(mistake.family == PHYSICS for mistake in judged.mistakes)
-        cause = "other physics than the scene's" if physics else "a wrong convention or scene"
-        return f"verdict: {perhaps}{cause}, {part}"
+        families = {mistake.family for mistake in judged.mistakes}
+        cause = "other physics than the scene's" * (PHYSICS in families)
+        return f"verdict: {perhaps}{cause or 'a wrong convention or scene'}, {part}"
     height = "" if judged.plain.height_error is None else ", height"
     limit = f"{judged.tolerance:g}"
     rest = (
         ""
-        if known(judged.plain.attitude_error) is None
+        if np.isnan(judged.plain.attitude_error)
         else f" and momentum, and {limit} rad in attitude"
     )
     bound = f"within {limit} in path{height}{rest}, {part}"
@@ -445,13 +443,12 @@ def _verdict(judged: FileJudgement) -> str:
 
 
 def _table(judged: FileJudgement) -> Table:
-    table = plain_table(("without", "path", "attitude [rad]", "ω", "M"))
-    before = replace(judged.search.plain, momentum=judged.plain.momentum_error)
-    rows = [("any change", before, "bold")]
-    rows += [(mistake.name, mistake.after, "yellow") for mistake in judged.mistakes]
+    table = plain_table(("without", "path", "attitude [rad]", "ω"))
+    rows = [("any change", judged.search.plain, "bold")]
+    rows += [(m.name, m.after, "yellow") for m in judged.mistakes if m.after.path is not None]
     for name, errors, style in rows:
-        attitude = None if known(judged.plain.attitude_error) is None else errors.attitude
-        cells = map(scientific, (errors.path, attitude, errors.rate, errors.momentum))
+        attitude = None if np.isnan(judged.plain.attitude_error) else errors.attitude
+        cells = map(scientific, (errors.path, attitude, errors.rate))
         table.add_row(escape(name), *cells, style=style)
     return table
 

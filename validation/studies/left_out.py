@@ -8,7 +8,6 @@ The path is hardly used, so a chaotic motion is judged as well as another.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import cumulative_simpson
@@ -40,13 +39,13 @@ def left_out(motion: RecordedMotion) -> Mistake | None:
     if flight := _flight(motion):
         return flight
     balance = _balance(motion)
-    imbalance = _shape(balance.momenta - _integral(times, balance.rates))
+    imbalance = _centred(balance[2]) - _growth(times, balance[3])
     before = float(np.abs(imbalance).max()) / scale
     if not before > max(_KNOWN_TO * float(motion.momentum_error.max()) / scale, _LEAST):
         return None
     found = []
     for name, torque in _signatures(motion, balance):
-        shape = _shape(_integral(times, torque))
+        shape = _growth(times, torque)
         rows, squares = imbalance[: len(shape)], float((shape**2).sum())
         factor = float((shape * rows).sum()) / squares if squares else 0.0
         left = float(np.linalg.norm(rows - factor * shape) / np.linalg.norm(rows))
@@ -76,26 +75,19 @@ def _flight(motion: RecordedMotion) -> Mistake | None:
     return Mistake(PHYSICS, name, Errors(), Errors(), ())
 
 
-def _integral(times: Array, rates: Array) -> Array:
-    return np.asarray(cumulative_simpson(rates, x=times, axis=1, initial=0))
+def _growth(times: Array, rates: Array) -> Array:
+    """Return the integrals (k, n) of rates, without their means: another start is no omission."""
+    return _centred(np.asarray(cumulative_simpson(rates, x=times, axis=1, initial=0)))
 
 
-def _shape(rows: Array) -> Array:
-    """Return rows (k, n) without their means: another start is not an omission."""
+def _centred(rows: Array) -> Array:
     return rows - rows.mean(axis=1, keepdims=True)
 
 
-class _Balance(NamedTuple):
-    """Attitudes R (n, 3, 3) and states, their momenta (k, n), and the rates of these in the scene.
-
-    The rows are L along the axes of space, without the vertical one if the ball does not spin, as
-    the plane's torque is then unknown, and the momenta along the hinges that have a motor.
-    """
-
-    R: Array
-    states: States
-    momenta: Array
-    rates: Array
+# Attitudes R (n, 3, 3) and states, their momenta (k, n), and the rates of these in the scene. The
+# rows are L along the axes of space, without the vertical one if the ball does not spin, as the
+# plane's torque is then unknown, and the momenta along the hinges that have a motor.
+_Balance = tuple[Array, States, Array, Array]
 
 
 def _balance(motion: RecordedMotion) -> _Balance:
@@ -119,7 +111,7 @@ def _balance(motion: RecordedMotion) -> _Balance:
             weights[j] += hinge.motor.torque(command, angles[:, j], rates[:, j])
     changed = _rows(motion, R, [*add(torque, heavy), *(changes + weights)])
     changed += scene.friction.rolling * _resistance(motion, R, states, [[1], [1], [0]])
-    return _Balance(R, states, _rows(motion, R, [*L, *along]), changed)
+    return R, states, _rows(motion, R, [*L, *along]), changed
 
 
 def _in_space(R: Array, v: Array | Sequence[Array]) -> Array:
@@ -181,13 +173,12 @@ def _signatures(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str
     masses, gravity = np.array([link.mass for link in tree]), scene.gravity_at(motion.times)
     weights = masses[:, None, None] * np.einsum("nji,nj->ni", R, gravity)
     bodies = np.arange(len(tree))[:, None, None]
-    for b, link in enumerate(tree):
-        name = f"gravity does not act on the {link.name} (gravity compensation)"
-        yield name, of_bodies(0 * weights, -weights * (bodies == b))
+    lifted = {f"on the {link.name}": bodies == b for b, link in enumerate(tree)}
     if len(tree) > 2:
-        name = "gravity acts on nothing inside the shell (gravity compensation)"
-        yield name, of_bodies(0 * weights, -weights * (bodies > 0))
-
+        lifted["inside the shell"] = bodies > 0
+    for where, which in lifted.items():
+        gone = f"gravity does not act {where} (gravity compensation)"
+        yield gone, of_bodies(0 * weights, -weights * which)
     of_shell = bodies == 0
     damped = of_bodies(-states.turning * of_shell, -states.velocities * of_shell)
     yield "the ball's free joint is damped, by about {:.2g} N m s/rad and N s/m", damped
@@ -195,11 +186,11 @@ def _signatures(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str
     for j, hinge in enumerate(scene.hinges):
         if isinstance(hinge.motor, Free | Servo):
             drag = _rows(motion, R, -states.u * (np.arange(k)[:, None] == 3 + j))
-            if damping := isinstance(hinge.motor, Free) and hinge.motor.damping:
-                yield f"the damping of the {hinge.name} is left out", -damping * drag
+            own_damping = hinge.motor.damping if isinstance(hinge.motor, Free) else 0.0
+            if own_damping:
+                yield f"the damping of the {hinge.name} is left out", -own_damping * drag
             else:
                 yield f"the joint of the {hinge.name} is damped, by about {{:.2g}} N m s/rad", drag
-
     rolling = _resistance(motion, R, states, [[1], [1], [0]])
     if resistance := scene.friction.rolling:
         yield "the plane's resistance to rolling is left out", -resistance * rolling
@@ -214,8 +205,8 @@ def _signatures(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str
 def _first_order(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str, Array]]:
     """Yield what a step of a first-order integrator adds to L, per second and step."""
     times, rates, robot = motion.times, motion.hinge_rates, motion.scene.robot
-    shell = balance.R @ robot.moved(motion.hinge_angles)[0][0]
-    omega = _in_space(balance.R, balance.states.u[:3]).T
+    R, states, _, known = balance
+    shell, omega = R @ robot.moved(motion.hinge_angles)[0][0], _in_space(R, states.u[:3]).T
     faster, accelerations = sampled_rates(times, omega)[0], sampled_rates(times, rates)[0]
     h = _TURN / max(float(np.abs(omega).max()), float(np.abs(rates).max()))
 
@@ -231,7 +222,7 @@ def _first_order(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[st
 
     # The rows of hinges are left out, because their motors may act at the end of a step.
     level = 3 if _spins(motion) else 2
-    after, bent = L_after(h), sampled_rates(times, balance.rates[:level].T)[0].T / 2
+    after, bent = L_after(h), sampled_rates(times, known[:level].T)[0].T / 2
     explicit = (after - 2 * L_after(0.0) + L_after(-h)) / (2 * h * h) - bent
     name = "{} Euler steps of about {{:.2g}} s (an integrator of first order)"
     yield name.format("explicit"), explicit

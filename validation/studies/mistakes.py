@@ -59,11 +59,6 @@ _LARGEST = 5.0  # of the sliding friction; if a file needs more, its units or ax
 # Friction of a floor left at the default of MuJoCo, or of Bullet and PhysX; they take the larger
 # one of two materials, the product, and the mean.
 _DEFAULTS = 1.0, 0.5
-_COMBINED: dict[str, Callable[[float, float], float]] = {
-    "the larger": max,
-    "the mean": lambda ball, floor: (ball + floor) / 2,
-    "the product": lambda ball, floor: ball * floor,
-}
 _MOST_MISTAKES = 4  # mistakes searched for in one file
 _TRIED = 1e-9  # rtol of a mistaken scene's motion, far below the errors that matter
 _SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
@@ -387,12 +382,13 @@ def _mistaken_scenes(scene: Scene) -> Iterator[_MistakenScene]:
     if any(slope := scene.gravity_direction[:2]):
         reversed_slope = (-slope[0], -slope[1], scene.gravity_direction[2])
         yield "the plane slopes the other way", (replace(scene, gravity_direction=reversed_slope),)
-    if μ := scene.friction.sliding:
-        for floor, (rule, combined) in product(_DEFAULTS, _COMBINED.items()):
-            friction = replace(scene.friction, sliding=combined(μ, floor))
-            of = f"{rule} of the ball's {μ:g} and a floor's default of {floor:g}"
-            name = f"friction.sliding is {combined(μ, floor):.3g}, {of}"
-            yield name, (replace(scene, friction=friction),)
+    μ = scene.friction.sliding or 0.0
+    for floor in _DEFAULTS if μ else ():
+        rules = {"larger": max(μ, floor), "mean": (μ + floor) / 2, "product": μ * floor}
+        for rule, sliding in rules.items():
+            of = f"the {rule} of the ball's {μ:g} and a floor's default of {floor:g}"
+            friction = replace(scene.friction, sliding=sliding)
+            yield f"friction.sliding is {sliding:.3g}, {of}", (replace(scene, friction=friction),)
     yield from _starts(scene)
 
 

@@ -152,7 +152,7 @@ def test_left_out_physics_is_the_first_named_cause(
     assert unnamed(facts, first(SCENES[name], make(SCENES[name]))) == []
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_left_out_physics_is_named_in_nineteen_of_twenty_files() -> None:
     """The table has the rate by kind."""
     right, all_of = Counter[str](), Counter[str]()

@@ -96,6 +96,9 @@ def scene_of(
     down = to_plane @ model.opt.gravity
     gravity = float(np.linalg.norm(down))
     check_positive("gravity", gravity, "m/s²")
+    if down[2] >= 0:
+        remedy = 'a level plane needs gravity="0 0 -9.81"'
+        raise InputError(f"gravity does not press the sphere on the plane; {remedy}")
     level = down[2] < -LEVEL * gravity
     rolling = rolling or rolling_of(contact)
     to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
@@ -150,13 +153,14 @@ def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -
         name = model.joint(joint).name
         raise InputError(f"{name}: only constant stiffness and damping are supported")
     squares = np.array([moved.get(joint, 0.0) ** 2 for moved in gears.values()])
-    return Free(
-        damping=float(model.dof_damping[dof] + squares @ model.actuator_damping),
-        stiffness=float(model.jnt_stiffness[joint]),
-        rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
-        armature=float(model.dof_armature[dof] + squares @ model.actuator_armature),
-        friction=float(model.dof_frictionloss[dof]),
-    )
+    with named(model.joint(joint).name or f"joint {joint}"):
+        return Free(
+            damping=float(model.dof_damping[dof] + squares @ model.actuator_damping),
+            stiffness=float(model.jnt_stiffness[joint]),
+            rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
+            armature=float(model.dof_armature[dof] + squares @ model.actuator_armature),
+            friction=float(model.dof_frictionloss[dof]),
+        )
 
 
 def _actuators(

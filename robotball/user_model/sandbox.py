@@ -30,6 +30,14 @@ _INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
 # How MuJoCo reports a file that is not XML, or not MJCF.
 _NOT_XML = re.compile(r"(?s)=XML_ERROR_(\w+).*?number=(\d+)(?:: XMLElement name=(\S+))?")
 _SCHEMA = re.compile(r"XML Error: (?:Schema violation: )?(.*)\nElement '(.*)', line (\d+)")
+_COMPILER = re.compile(r"Error: (.*)\nElement name '(.*)', id \d+(?:, line (\d+))?")
+# How MuJoCo's compiler names a fault, and the same in words with a remedy.
+_REMEDIES = {
+    "mass and inertia of moving bodies must be larger than mjMINVAL":
+        "a body that moves needs a mass and an inertia: give it a geom or an <inertial>",
+    "inertia must satisfy A + B >= C; use 'balanceinertia' to fix":
+        "impossible inertia: no moment exceeds the sum of the others; a solid ball has 2/5 m r²",
+}  # fmt: skip
 _FAULTS = {
     "MISMATCHED_ELEMENT": "{} is not closed, or closed by another tag",
     "PARSING_ATTRIBUTE": "an attribute of {} is given twice, or its value has no quotes",
@@ -145,6 +153,10 @@ def in_words(error: str) -> str:
         fault, line, tag = found.groups()
         words = _FAULTS.get(fault, "it is not XML near {}")
         return f"line {line}: " + words.format(f"<{tag}>" if tag else "an element")
+    if found := _COMPILER.search(error):
+        fault, name, line = found.groups()
+        place = [f"line {line}"] * bool(line) + [name] * bool(name)
+        return ": ".join([*place, _REMEDIES.get(fault, fault)])
     return _SCHEMA.sub(r"line \3: <\2>: \1", error)
 
 

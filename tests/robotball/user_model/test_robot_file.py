@@ -338,10 +338,16 @@ REFUSED = {
     "no.stl rock":
         ("<worldbody>", '<asset><mesh name="look" file="no.stl"/></asset><worldbody>'
          '<body name="rock"><geom type="mesh" mesh="look"/></body>'),
-    "balanceinertia 'plate'":
+    "line plate impossible~inertia sum":
         ('<joint name="axle"',
          '<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/><joint name="axle"'),
     "line closed~at~the~end": ("</mujoco>", ""),
+    "line plate mass <inertial>":
+        ('<joint name="axle"', '<inertial pos="0 0 0" mass="0" diaginertia="1 1 1"/>'
+         '<joint name="axle"'),
+    "line axle axis": ('axis="0 1 0"', 'axis="0 0 0"'),
+    "gravity plane 0~0~-9.81": ("<worldbody>", '<option gravity="0 0 9.81"/><worldbody>'),
+    "axle stiffness -1": ('<joint name="axle"', '<joint stiffness="-1" name="axle"'),
 }  # fmt: skip
 
 

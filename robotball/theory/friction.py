@@ -37,6 +37,7 @@ _STOPPED = 1e-8  # m/s, of |Wv|: a slower slip ends within a step of Euler
 # changes _SLOW times slower.
 _SETTLES, _SLOW = 1e-2, 3.0
 SLIP_RTOL = 1e-13  # relative error of a step of a slip; with a larger one, steps miss its end
+_LEAST_LOAD = 1e-300  # N, in place of a load of 0: a grip that is finite, for root finding
 _ITERATIONS, _ALIKE = 30, 1e-9  # of the search for a direction, and its last change
 _MOST_EVENTS = 5000  # changes between stick and slip; more are chatter
 
@@ -56,7 +57,8 @@ def slip_speed(system: System, readings: Readings) -> float:
 
 def grip(system: System, readings: Readings) -> float:
     """Return |W⁻¹f|/N, the part of the friction cone that a shell uses that sticks."""
-    return float(np.linalg.norm(_friction(readings) / system.friction)) / readings.normal
+    load = readings.normal or _LEAST_LOAD
+    return float(np.linalg.norm(_friction(readings) / system.friction)) / load
 
 
 def _friction(readings: Readings) -> Array:

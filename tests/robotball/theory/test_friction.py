@@ -51,6 +51,14 @@ def sphere(
     )
 
 
+def test_an_unloaded_sphere_has_a_large_finite_grip() -> None:
+    """A load of exactly 0 between two stages of a step divided by zero."""
+    system = System(sphere((1.0, 0.0), (0.0, 10.0, 0.0), Friction(sliding=0.5)))
+    readings = system.readings(0.0, system.start())
+    held = readings._replace(force=np.array([1.0, 0.0, 0.0]))
+    assert 1e200 < friction.grip(system, held) < np.inf
+
+
 def test_a_sliding_sphere_follows_a_parabola_and_then_rolls_straight() -> None:
     """It sticks at t = 2|u|/(7μg), with u the slip at the start.
 

@@ -35,6 +35,7 @@ _CHARACTERS = 10  # per inch, in letters of 12 points
 _WIDEST = 10_000  # characters, wider than any table
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of formulas in a spreadsheet
 _LINE_EVERY = 30.0  # s between lines of progress outside a terminal
+_SHORT = 3.0  # s: no line if the rest takes less
 
 
 def program() -> str:
@@ -225,14 +226,15 @@ Show = Callable[[float, str], None]
 
 
 @contextmanager
-def progress_bar(total: float) -> Iterator[Show]:
+def progress_bar(total: float, first_line: float = _LINE_EVERY) -> Iterator[Show]:
     """Show the progress of work of this size on standard error.
 
-    A terminal has a bar. Other streams, such as a log file, have a line from time to time.
+    A terminal has a bar. Other streams, such as a log file, have a line from time to time; the
+    first one after `first_line` [s], if the work takes much longer.
     """
     console = Console(stderr=True)
     if not console.file.isatty():  # `is_terminal` would believe the FORCE_COLOR of Jupyter
-        yield _lines_now_and_then(console, total)
+        yield _lines_now_and_then(console, total, first_line)
         return
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:
@@ -240,14 +242,17 @@ def progress_bar(total: float) -> Iterator[Show]:
         yield lambda done, what: bar.update(task, completed=done, description=what)
 
 
-def _lines_now_and_then(console: Console, total: float) -> Show:
-    last = time.monotonic()
+def _lines_now_and_then(console: Console, total: float, wait: float) -> Show:
+    last, first = time.monotonic(), list[float]()
 
     def show(done: float, what: str) -> None:
-        nonlocal last
-        if time.monotonic() - last >= _LINE_EVERY:
-            last = time.monotonic()
-            line = f"{done / total:.0%}: {what}"
+        nonlocal last, wait, first
+        now = time.monotonic()
+        began, before = first = first or [now, done]
+        left = (now - began) * (total - done) / (done - before or math.inf)
+        if now - last >= wait and left > _SHORT:
+            last, wait = now, _LINE_EVERY
+            line = f"{done / total:.0%}: {what}, about {left:.0f} s to go"
             console.print(line, soft_wrap=True, highlight=False, markup=False)
 
     return show

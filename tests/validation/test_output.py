@@ -176,12 +176,25 @@ def test_long_work_writes_a_line_from_time_to_time_to_a_log(
     Jupyter forces colours, but is not a terminal.
     """
     monkeypatch.setenv("FORCE_COLOR", "1")
-    clock = iter((0.0, 29.0, 31.0, 31.0, 45.0))
+    clock = iter((0.0, 29.0, 31.0, 45.0))
     monkeypatch.setattr("validation.output.time.monotonic", lambda: next(clock))
     with progress_bar(8) as show:
         for done in (1, 2, 3):
             show(done, f"{done} of 8 cells")
-    assert capsys.readouterr().err == "25%: 2 of 8 cells\n"
+    assert capsys.readouterr().err == "25%: 2 of 8 cells, about 12 s to go\n"
+
+
+def test_long_work_says_early_how_long_it_takes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Work that takes 2 s more gets no line; work that takes longer, one after 0.2 s."""
+    for parts, line in (((0.0, 0.1, 0.2), ""), ((0.0, 0.01, 0.02), "1%: file, about 25 s to go\n")):
+        clock = iter((0.0, 0.15, 0.4, 0.65))
+        monkeypatch.setattr("validation.output.time.monotonic", lambda: next(clock))  # noqa: B023
+        with progress_bar(1, first_line=0.2) as show:
+            for done in parts:
+                show(done, "file")
+        assert capsys.readouterr().err == line
 
 
 # Pictures --------------------------------------------------------------------------------------

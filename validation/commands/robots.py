@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..check.ablate import Checked
 
 _ACCURACY = 1e-3  # relative path error that counts as agreement
+_FIRST_LINE = 0.2  # s of a check, after which it says how long it takes
 
 
 def check(
@@ -101,7 +102,7 @@ def checked_robot(
         controls = {name: as_drive(value, seconds) for name, value in controls_of(control).items()}
         user, moves = made_to_move(UserModel(robot, controls, keyframe))
         ask(file, user.scene(rolling or "classical", seconds))
-        with progress_bar(1) as show:
+        with progress_bar(1, first_line=_FIRST_LINE) as show:
             checked = check_model(user, rolling, seconds, accuracy, show)
         kept = checked.observation.theory.scene.start.slip
         with named(file):

@@ -12,7 +12,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
@@ -30,6 +30,7 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 from robotball.user_model.robot_file import RobotFile, body_name, open_robot, unused_name
 from robotball.user_model.robot_scene import DURATION, RobotTable, controls_of, scene_of
+from robotball.user_model.sandbox import COMMENT, opened_spec
 
 # A start tag with its attributes, and an attribute with its quoted value.
 _START_TAG = re.compile(r"<[^\s/>]+(\s+[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*'))*")
@@ -209,9 +210,9 @@ def editable(
     replaced = next((i for i, geoms in enumerate(pairs) if robot.rolls(map(int, geoms))), None)
     sphere, plane = (names["geom", i] for i in (robot.sphere, robot.plane))
     # The author's text, or else the file as MuJoCo writes it.
-    for read in (partial(_repaired, robot), lambda: robot.spec.to_xml().encode()):
+    for read in (_repaired, _rewritten):
         try:
-            source = read()
+            source = read(robot)
             text, moved = (_prepared(source, robot, it, new, replaced) for it in (_STILL, moves))
             if _is_same(robot, names, text, _STILL) and _is_same(robot, names, moved, moves):
                 whole = _prepared(source, robot, _STILL, {}, None)
@@ -221,9 +222,25 @@ def editable(
     raise InputError(f"{robot.path} cannot be mended: rewritten, it is a different robot")
 
 
+def _rewritten(robot: RobotFile) -> bytes:
+    """Return a robot's file as MuJoCo writes it, without comments, which may not be XML."""
+    return COMMENT.sub("", robot.spec.to_xml()).encode()
+
+
 def _repaired(robot: RobotFile) -> bytes:
     """Return the text of a robot's file with its repairs."""
     text = robot.path.read_bytes()
+    if "inertia" in robot.repairs:
+        old, elements = opened_spec(robot.path)[0].bodies, _elements_of(text)
+        bodies = [i for i, it in enumerate(elements) if it.tag in ("worldbody", "body")]
+        for element in elements[::-1]:  # an edit shifts the text after it
+            if element.tag == "inertial" and element.owner >= 0:
+                number = bodies.index(element.owner)
+                moments = robot.spec.bodies[number].inertia
+                if np.any(moments != old[number].inertia):
+                    kind = min({"diaginertia", "fullinertia"} & {*element.attributes})
+                    numbers = _digits([*moments, 0, 0, 0][: 3 if kind == "diaginertia" else 6])
+                    text = _edited(text, [(element.at, kind, numbers)]).encode()
     if words := robot.repairs.get("freejoint"):
         elements = _elements_of(text)
         root = [body for body in elements if body.tag == "body" and body.owner >= 0][robot.root - 1]
@@ -258,6 +275,7 @@ def _is_same(robot: RobotFile, names: _Names, text: str, moves: StartShift) -> b
         == (other.nbody, other.ngeom, other.nq, other.nkey)
         and all(getattr(other, kind)(i).name == name for (kind, i), name in names.items())
         and np.allclose(model.body_mass, other.body_mass, rtol=1e-6)
+        and np.allclose(model.body_inertia, other.body_inertia, rtol=1e-6)
         and all(np.allclose(old[at] + moves.shift, new[at], atol=1e-6) for old, new in starts)
         and np.allclose(model.key_qvel + kicks, other.key_qvel, atol=1e-6)
     )

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 
 from robotball import InputError
@@ -22,7 +23,7 @@ from robotball.user_model.robot_file import start_misses
 
 from ..output import Show
 from .observe import Observation, observe, path_error, resistance_per_deceleration
-from .propose import LONGEST_STEP, SHORTEST_STEP, editable_file, proposals, stable_step
+from .propose import editable_file, proposals, steps_of, too_high_gain
 
 _PATIENCE = 20.0  # s of processor time for all trials
 _FEWEST_SAMPLES = 5  # of a comparison that ends at an obstacle
@@ -109,7 +110,12 @@ def check_model(
     """
     short, compared = None, duration
     while True:
-        observation = observe(user, rolling, compared, accuracy, show)
+        try:
+            observation = observe(user, rolling, compared, accuracy, show)
+        except InputError as refusal:
+            if gain := too_high_gain(user):
+                raise InputError(f"{refusal}; perhaps gain: {gain.words}") from None
+            raise
         trials, obstacle = _first_trials(observation, show)
         if obstacle is None:
             break
@@ -125,9 +131,12 @@ def check_model(
     if observation.judged and (observation.failure or observation.error > accuracy):
         changes = _sufficient(trials)
         needed = _fewest(trials, changes, max(accuracy, _LOOSE * trials.error(changes)))
-    robot = user.robot
+    robot = observation.user.robot
     made = [change for change, _ in needed]
-    whole = len(trials.times) == len(theory.times)
+    whole, source = len(trials.times) == len(theory.times), trials.edit.source
+    if robot.repairs:  # a URDF is mended as MuJoCo writes it
+        source = robot.path.read_text()
+        source = source if "<mujoco" in source else user.robot.spec.to_xml()
     return Checked(
         observation,
         duration,
@@ -135,7 +144,7 @@ def check_model(
         tried=float(trials.times[-1]),
         needed=needed,
         spared=[change for change in changes if change not in made],
-        source=robot.path.read_text() if robot.repairs else trials.edit.source,
+        source=source,
         text=trials.edit.changed(made),
         mended=trials.path(made) if whole else trials.changed(made).path(theory.times),
         resistance=_resistance(observation, trials.edit),
@@ -194,6 +203,12 @@ class _Trials:
         """Return the path error of the file with changes."""
         return path_error(self.path(changes), self.observation.theory)
 
+    def evaluations(self, changes: Sequence[Change]) -> float:
+        """Return the evaluations of the forces per second of the file with changes."""
+        option = self.changed(changes).robot.model.opt
+        stages = 4 if option.integrator == int(mujoco.mjtIntegrator.mjINT_RK4) else 1
+        return float(stages / option.timestep)
+
     def lifts(self, changes: Sequence[Change]) -> bool:
         """Return whether the file with changes leaves the plane, or starts inside it."""
         height, limit = self.path(changes)[:, 2], ALOFT_HEIGHT * self.observation.user.robot.radius
@@ -212,7 +227,7 @@ def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstac
     """
     user, symptoms, times = observation.user, observation.symptoms, observation.theory.times
     edit = editable_file(observation)
-    changes = proposals(observation, edit, stable_step(user))
+    changes = proposals(observation, edit, steps_of(user, longest=np.inf)[0])
     early = symptoms.obstacle
     # Bodies that collide or a high gain may stop the robot before a wall, or throw it at one.
     if first := [change for change in changes if change.name in ("contacts", "gain")]:
@@ -238,18 +253,24 @@ def _first_trials(observation: Observation, show: Show) -> tuple[_Trials, Obstac
 
 
 def _sufficient(trials: _Trials) -> list[Change]:
-    """Return all changes, with the longest step that reaches the accuracy, or else the best one."""
-    observation, accuracy = trials.observation, trials.observation.accuracy
-    step = stable_step(observation.user)
-    while step > LONGEST_STEP:
-        step /= 2
-    tried, helps = [proposals(observation, trials.edit, step)], True
-    while trials.error(tried[-1]) > accuracy and step / 2 >= SHORTEST_STEP and helps:
-        step /= 2
-        tried.append(proposals(observation, trials.edit, step))
-        before, after = (trials.error(changes) for changes in tried[-2:])
-        helps = after < before / 2 or not np.isfinite(after)
-    return min(tried, key=lambda changes: max(trials.error(changes), accuracy))
+    """Return all changes that reach the accuracy with the fewest evaluations, or else the best."""
+    tried, accuracy = list[list[Change]](), trials.observation.accuracy
+
+    def worth(changes: list[Change]) -> tuple[float, float]:
+        return max(trials.error(changes), accuracy), trials.evaluations(changes)
+
+    for implicit in (True, False):
+        before = np.inf
+        for step in steps_of(trials.observation.user):
+            changes = proposals(trials.observation, trials.edit, step, implicit)
+            if (accuracy, trials.evaluations(changes)) >= min(map(worth, tried), default=(np.inf,)):
+                break  # another integrator needs fewer
+            tried.append(changes)
+            after = trials.error(changes)
+            if after <= accuracy or before / 2 <= after < np.inf:
+                break  # shorter steps do not help
+            before = after
+    return min(tried, key=worth)
 
 
 def _fewest(trials: _Trials, changes: Sequence[Change], limit: float) -> list[tuple[Change, float]]:

@@ -10,14 +10,14 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import mujoco
 import numpy as np
 
 from robotball import InputError, Scene, integrate
 from robotball.engines.mujoco.user_model import ALOFT_HEIGHT, Symptoms, UserModel, observed, turned
-from robotball.errors import SceneWarning
+from robotball.errors import SceneWarning, named
 from robotball.motion import ContactMotion, ReferenceMotion
 from robotball.robot.ball import imbalance
 from robotball.robot.drives import Constant, Drive, as_drive
@@ -41,6 +41,8 @@ _SUNK = 0.1  # of the radius: a soft contact holds the sphere higher
 _STUCK = 0.05  # of the distance that the reference reaches
 _SHOCK_STEPS = 3
 _SMALL_INERTIA = 1e-2  # of a solid ball: larger ones are usual
+_DENSEST = 22_600.0  # kg/m³, osmium
+_FAR = 2.0  # radii from the sphere's middle: bodies are usually nearer
 _ROUNDING = 1e-6  # relative, of moments in a file
 _PATIENCE = 10.0  # s of processor time for the reference
 _REFERENCE_ERROR = 1e-6  # of the accuracy: then its path errs by up to 1e-5 of the accuracy in 10 s
@@ -124,6 +126,7 @@ def observe(
 
     Raises InputError for a timestep that is too short, or without a reference.
     """
+    user = replace(user, robot=_with_possible_inertias(user.robot))
     robot, contact = user.robot, user.robot.contact(user.begin())
     step, least = robot.model.opt.timestep, _SHORTEST_STEP
     if step < least:
@@ -134,7 +137,7 @@ def observe(
     times = interval * np.arange(max(2, round(duration / interval) + 1))
     duration = float(times[-1])
     default = rolling_of(contact)
-    scene, watch = user.scene(default, duration), lambda part: show(0.2 * part, "file")
+    scene, watch = user.scene(default, duration), lambda part: show(0.3 * part, "file")
     name = "repaired" if robot.repairs else "unmodified"
     motion, symptoms = observed(user, scene, accuracy, steps, watch, name)
     if not symptoms.failure:  # the run may have been given up
@@ -144,7 +147,8 @@ def observe(
     path[: len(sampled)] = sampled
     models = [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default)
     rtol = max(_REFERENCE_ERROR * accuracy, LEAST_RTOL)
-    theories = _references(user, models, path, times, rtol, show)
+    with named(f"{robot.path}: {symptoms.failure}" if symptoms.diverged else robot.path):
+        theories = _references(user, models, path, times, rtol, show)
     errors = {name: path_error(path[: len(it.times)], it) for name, it in theories.items()}
     nearest = min(errors, key=lambda name: errors[name] / (1.0 if name == default else _NEARER))
     theory = theories[nearest]
@@ -164,7 +168,7 @@ def observe(
         failure = f"starts {-path[0, 2]:.3g} m in the plane"
     elif (sunk := -np.nanmin(path[:, 2])) > _SUNK * robot.radius:
         failure = f"sinks {sunk:.2g} m into the plane"
-    elif impossible := [words for words, never in unusual_inertias(robot) if never]:
+    elif impossible := [it.words for it in unusual_inertias(robot) if it.is_impossible]:
         failure = f"no body can have its numbers: {impossible[0]}"
     elif not judged:
         turn = float(np.abs(path[:, 3]).max()) / robot.radius
@@ -180,14 +184,18 @@ def observe(
     )  # fmt: skip
 
 
-def distances(path: Array, theory: ReferenceMotion) -> Array:
+def distances(path: Array, theory: ReferenceMotion, times: Array | None = None) -> Array:
     """Return the distances (k,) of a path (k, 4) from the reference, over its unit of length.
+
+    times (k,): if they are not the first k times of the reference.
 
     A height above the plane counts as a distance, and so does a turn of the surface if the
     reference spins against friction, or is a ball that spins in place.
     """
     reference = _path_of(theory)
-    off = path - reference[: len(path)]
+    times = theory.times[: len(path)] if times is None else times
+    at = np.column_stack([np.interp(times, theory.times, column) for column in reference.T])
+    off = path - at
     off[:, 2] = np.maximum(off[:, 2], 0.0)
     off[:, 3] *= _turns(theory)
     scale = max(theory.path_scale, np.abs(reference[:, 3]).max())
@@ -248,8 +256,8 @@ def _references(
             causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(user, scene))
             words = str(error).partition(": shorten")[0]
             if "lifts off" in words:
-                words += "; a motor or the start is too strong: lower its control or its rate"
-            refusal = InputError(f"{user.robot.path}: {words}{''.join(causes)}")
+                words += "; a motor, a spring or the start is too strong: lower its control or rate"
+            refusal = InputError(f"{words}{''.join(causes)}")
             if isinstance(error, _SlowError):
                 break
             continue
@@ -299,7 +307,7 @@ def _integrated(scene: Scene, times: Array, rtol: float, show: Show) -> Referenc
         nonlocal began, done
         now = time.process_time()
         began, done = min(began, now), part
-        show(0.2 + 0.2 * part, "equations")
+        show(0.3 + 0.1 * part, "equations")
         if now - began > _PATIENCE and part < 0.5:
             speed = f"{_PATIENCE:g} s of processor time for {part * times[-1]:.2g} s of motion"
             cause = "a joint friction or a gain on a light body, or very many bodies"
@@ -345,11 +353,14 @@ def made_to_move(user: UserModel) -> tuple[UserModel, list[str]]:
 
 
 def _at_rest(user: UserModel) -> bool:
-    """Return whether a model without controls and velocities stays in place for about 2 s."""
+    """Return whether a model without controls and velocities stays in place.
+
+    For about 2 s, or 20 000 steps if these are fewer.
+    """
     data, step = user.begin(), user.robot.model.opt.timestep
     if user.controls or np.any(data.ctrl) or np.any(data.qvel):
         return False
-    path = user.path(step * round(1 + 0.1 / step) * np.arange(20))
+    path = user.path(step * min(1 + round(0.1 / step), 1000) * np.arange(20))
     return bool(np.nanmax(np.abs(path[:, :2])) < _AT_REST * user.robot.radius)
 
 
@@ -369,7 +380,12 @@ def unusual_numbers(user: UserModel, scene: Scene) -> Iterator[tuple[str, str]]:
 
     Settings that affect the whole robot come first.
     """
-    yield from (("inertia", words) for words, _ in unusual_inertias(user.robot))
+    yield from (("inertia", inertia.words) for inertia in unusual_inertias(user.robot))
+    yield from _wrong_gains(scene)
+    density = scene.ball.mass / (4 / 3 * np.pi * scene.ball.radius**3)
+    if density > _DENSEST:
+        words = f"the robot has {scene.ball.mass:.3g} kg in a sphere of {scene.ball.radius:.3g} m"
+        yield "mass", f"{words}, or {density:.3g} kg/m³; the densest metal has {_DENSEST:g} kg/m³"
     yield from (("range", words) for words in _inverted_ranges(user.robot.model))
     if abs(scene.gravity / GRAVITY - 1) > _GRAVITY:
         yield "gravity", f"{scene.gravity:g} m/s²; the Earth has {GRAVITY:g} m/s²"
@@ -383,6 +399,17 @@ def unusual_numbers(user: UserModel, scene: Scene) -> Iterator[tuple[str, str]]:
         yield "resistance", words
     yield from (("range", words) for words in _ranges_of_many_turns(user.robot.model))
     yield from _unusual_gears(scene)
+
+
+def _wrong_gains(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield actuators without a gain, and servos that drive a joint away from their command."""
+    for actuator in scene.actuators:
+        if not (actuator.law.per_command or actuator.law.at_rest):
+            yield "gain", f"{actuator.name} exerts no force on its command: its gain is 0"
+        for kind, gain in (("kp", actuator.law.per_angle), ("kv", actuator.law.per_rate)):
+            if gain < 0:
+                words = f"{actuator.name}: {kind} = {gain:.3g} is negative"
+                yield "gain", f"{words}; it drives the joint away from its command"
 
 
 def _unusual_gears(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -427,8 +454,17 @@ def _extent(model: Any, data: Any, body: int, point: Array) -> float:
     return float((away + model.geom_rbound[geoms]).max(initial=0.0))
 
 
-def unusual_inertias(robot: RobotFile) -> Iterator[tuple[str, bool]]:
-    """Yield each body with a moment of inertia, or a centre, that is impossible, or too small.
+class _Inertia(NamedTuple):
+    """A body with an unusual inertia, and a moment [kg m²] in place of an impossible one."""
+
+    body: int
+    words: str
+    is_impossible: bool = False
+    moment: float | None = None
+
+
+def unusual_inertias(robot: RobotFile) -> Iterator[_Inertia]:
+    """Yield each body with a moment of inertia, or a centre, that is impossible or unusual.
 
     A mass m within the distance r of the sphere's centre has at most the moment m (r² - c²) about
     any axis through its centre of mass, which is at the distance c. The geoms of a body and the
@@ -445,17 +481,36 @@ def unusual_inertias(robot: RobotFile) -> Iterator[tuple[str, bool]]:
         of = f"{name} has a moment of inertia of {moment:.3g} kg m²"
         if away > reach and mass:
             words = f"{name} has its centre of mass {away:.3g} m from the middle of the sphere"
-            yield f"{words}; it and its geoms reach {reach:.3g} m", True
+            yield _Inertia(body, f"{words}; it and its geoms reach {reach:.3g} m", True)
         elif moment > most * (1 + _ROUNDING):
-            yield f"{of}; {mass:.3g} kg within {reach:.3g} m have at most {most:.2g}", True
+            usual = min(solid or np.inf, 2 / 5 * most)
+            words = f"{of}; {mass:.3g} kg within {reach:.3g} m have at most {most:.2g}, "
+            yield _Inertia(body, f"{words}a solid ball {usual:.2g}", True, usual)
+        elif mass and (far := np.sqrt(moment / mass + away**2)) > _FAR * robot.radius:
+            words = f"{name} has its mass {far:.3g} m from the middle of the sphere"
+            yield _Inertia(body, f"{words}, whose radius is {robot.radius:.3g} m")
         elif robot.spec.bodies[body].explicitinertial and moment < _SMALL_INERTIA * solid:
-            yield f"{of}; a solid ball of its mass and size has {solid:.2g}", False
+            yield _Inertia(body, f"{of}; a solid ball of its mass and size has {solid:.2g}")
+
+
+def _with_possible_inertias(robot: RobotFile) -> RobotFile:
+    """Return a robot with the inertia of a solid ball in place of an impossible <inertial>."""
+    spec, words = robot.spec.copy(), list[str]()
+    for body, fault, _, moment in unusual_inertias(robot):
+        if moment and spec.bodies[body].explicitinertial:
+            spec.bodies[body].inertia, spec.bodies[body].fullinertia[0] = 3 * [moment], np.nan
+            words.append(fault)
+    if not words:
+        return robot
+    repairs = {**robot.repairs, "inertia": "; ".join(words)}
+    return replace(robot, spec=spec, model=spec.compile(), repairs=repairs)
 
 
 def _inverted_ranges(model: Any) -> Iterator[str]:
     """Yield ranges that MuJoCo ignores, because the first end is not below the second."""
-    for what, kind in (("jnt", "range"), ("actuator", "ctrlrange"), ("actuator", "forcerange")):
-        for i, (low, high) in enumerate(getattr(model, f"{what}_{kind}")):
+    for field in ("jnt_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_forcerange"):
+        owner, kind = field.replace("actfrc", "actuatorfrc").split("_")
+        for i, (low, high) in enumerate(getattr(model, field)):
             if low > high:
-                name = (model.joint if what == "jnt" else model.actuator)(i).name
+                name = (model.joint if owner == "jnt" else model.actuator)(i).name
                 yield f"{name} has the {kind} {low:g} to {high:g}: it is inverted, without effect"

@@ -17,6 +17,8 @@ from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, f
 from robotball.engines.mujoco.user_model import UserModel, wrenches
 from robotball.engines.observe import depth_at_rest
 from robotball.errors import counted
+from robotball.motion import ReferenceMotion
+from robotball.robot.drives import as_drive
 from robotball.rotations import Array
 from robotball.user_model.mended_file import Change, Editable, StartShift, editable
 from robotball.user_model.robot_file import body_name, default_class, geom_name, start_misses
@@ -27,7 +29,6 @@ from .observe import Observation, shock_time
 # soften: MuJoCo raises the time constant to two steps.
 _SLIDING: float = CONSTANT["sliding_friction"]
 _TIME_CONSTANT = BY_ERROR[1]  # s
-LONGEST_STEP = _TIME_CONSTANT / 2  # s, of a step that does not soften the contact
 _SOLIMP: Any = recipe("mended", 1e-3).solimp
 _LARGEST_MARGIN = 1e-2  # of the radius: a larger result is not meaningful
 _SAME_DEPTH = 1e-8  # m, the tolerance of a margin
@@ -39,9 +40,11 @@ _OVERRIDDEN = ("margin", "solref", "solimp", "friction")  # by the option flag o
 _EULER_ID, _RK4_ID = map(int, (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4))
 # Largest stable stiffness·dt²/I, of the leapfrog scheme of Euler and the implicit ones, and of RK4.
 _SPRING_LIMITS = {"EULER": 4.0, "RK4": 8.0}
-SHORTEST_STEP = 1e-4  # s, of trials
+_SHORTEST_STEP = 1e-4  # s, of trials
 _EXPLICIT = {_EULER_ID: INTEGRATORS["Euler"], _RK4_ID: INTEGRATORS["RK4"]}
 _SAME_SLIP = 1e-3  # of the slip of a start: what may be left of it
+_SLIP = 1e-3  # of a start's speed: less is a rounding of its numbers
+_LIMITED = 0.5  # of the time: a servo may meet its limit for less while it starts
 _MOST_PAIRS = 5  # of geoms that are named
 
 
@@ -61,17 +64,22 @@ def editable_file(seen: Observation) -> Editable:
     return editable(robot, moves, pair, {int(robot.model.geom_bodyid[i]) for i in overlapping})
 
 
-def proposals(seen: Observation, edit: Editable, step: float) -> list[Change]:
+def proposals(
+    seen: Observation, edit: Editable, step: float, implicit: bool = True
+) -> list[Change]:
     """Return the changes after which the file follows the recipe, with steps of a length [s].
 
-    Changes that hide the effect of others come first, fine points last.
+    Changes that hide the effect of others come first, fine points last. implicit: whether to take
+    implicitfast for a gain that is too high for the file's integrator.
     """
     timestep, friction_loss = partial(_timestep, step=step), partial(_frictionloss, step=step)
-    laws = [_contacts, _gain, _start, _solver, _condim, _cone]
+    gain = too_high_gain(seen.user)
+    integrator = _gain if implicit and gain and gain.step is None else _integrator
+    laws = [_contacts, _start, _solver, _condim, _cone]
     if seen.theory.slipping:
-        laws += [_integrator, timestep, partial(_slip, step=step), friction_loss]
+        laws += [integrator, timestep, partial(_slip, step=step), friction_loss]
     else:
-        laws += [_friction, _integrator, timestep, _softness, _noslip, friction_loss]
+        laws += [_friction, integrator, timestep, _softness, _noslip, friction_loss]
     changes = [change for law in laws for change in law(seen)]
     if seen.option.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         changes = [_overriding(change) for change in changes]
@@ -165,17 +173,22 @@ def _feedback(user: UserModel) -> Iterator[tuple[str, str, float, float, int, fl
         yield name, "stiffness", float(np.ravel(model.jnt_stiffness[joint])[0]), 1.0, 2, inverse
 
 
-def stable_step(user: UserModel) -> float:
-    """Return the timestep, halved until no stiffness is too high for it."""
+def steps_of(user: UserModel, longest: float = _TIME_CONSTANT / 2) -> list[float]:
+    """Return timesteps for trials [s], each half of the one before: the file's if possible.
+
+    No stiffness is too high for them. longest: of a step that does not soften the contact.
+    """
     gain, step = too_high_gain(user), float(user.robot.model.opt.timestep)
-    while gain and gain.step and step > max(gain.step, SHORTEST_STEP):
+    longest = min(longest, gain.step if gain and gain.step else np.inf)
+    while step > max(longest, _SHORTEST_STEP):
         step /= 2
-    return step
+    count = 1 + int(np.log2(max(step / _SHORTEST_STEP, 1.0)))
+    return [step / 2**i for i in range(count)]
 
 
 def _gain(seen: Observation) -> Iterator[Change]:
     """An explicit integrator is unstable under a high gain; implicitfast is stable at any."""
-    if (gain := too_high_gain(seen.user)) and gain.step is None:
+    if gain := too_high_gain(seen.user):
         words = f"{gain.words}, implicitfast at any gain"
         yield Change("gain", words, option={"integrator": "implicitfast"})
 
@@ -233,26 +246,57 @@ def _friction(seen: Observation) -> Iterator[Change]:
         torsional = _SLIDING * scene.ball.radius
     if slide < _SLIDING or ((rubber or scene.friction.rolling) and spin != torsional):
         values = _digits(_SLIDING, _SLIDING, torsional, roll, roll)
-        words, loads = needed_friction(seen), seen.theory.loads
-        if max(loads.sliding_friction / slide) <= 1 and max(loads.torsional_friction / spin) <= 1:
+        words, needs = needed_friction(seen), _needs(seen)
+        if needs[0] <= slide and needs[1] <= spin:
             words = f"regularized friction creeps with a sliding friction of {slide:.3g}"
             words += f" and a torsional friction of {spin:.3g} m" * rubber
         yield Change("friction", words, pair={"friction": values})
 
 
+def _needs(seen: Observation) -> tuple[float, float]:
+    """Return the sliding and torsional friction that rolling needs."""
+    motion = seen.ideal or seen.theory
+    needs = motion.loads.sliding_friction, motion.loads.torsional_friction
+    jumps = not seen.theory.slipping and needs[0].max() > seen.contact.friction[0]
+    # A servo may jump to its command.
+    later = motion.times >= min(jumps * shock_time(seen.user), motion.times[-1])
+    sliding, torsional = (round(float(need[later].max()), 6) for need in needs)
+    return sliding, torsional
+
+
 def needed_friction(seen: Observation) -> str:
     """Return the friction of the file, and the friction that rolling needs, in words."""
-    motion = seen.ideal or seen.theory
     slide, _, spin, *_ = seen.contact.friction
-    needs = motion.loads.sliding_friction, motion.loads.torsional_friction
-    if not seen.theory.slipping and needs[0].max() > slide:  # a servo that jumps to its command
-        later = motion.times >= min(shock_time(seen.user), motion.times[-1])
-        needs = needs[0][later], needs[1][later]
-    sliding, torsional = (round(float(need.max()), 6) for need in needs)
+    sliding, torsional = _needs(seen)
     words = f"sliding friction {slide:.3g}; rolling needs {sliding:.2g}"
-    rubber = motion.scene.rolling == "rubber"
+    rubber = seen.theory.scene.rolling == "rubber"
     more = f"; torsional friction {spin:.3g} m; rolling needs {torsional:.2g} m"
     return words + more * rubber
+
+
+def limited_actuators(theory: ReferenceMotion) -> Iterator[tuple[str, str]]:
+    """Yield which of its ranges limits an actuator for most of the time, and the numbers."""
+    scene, joints = theory.scene, [link.name for link in theory.scene.ball.tree[1:]]
+    # An asymmetric range is a symmetric limit about a constant force.
+    middles = {actuator.name: actuator.law.at_rest for actuator in scene.actuators}
+    for actuator in scene.actuators:
+        name, law = actuator.name, actuator.law
+        commands = as_drive(actuator.command, scene.duration).rate(theory.times)
+        clipped = np.clip(commands, *actuator.within)
+        if (beyond := clipped != commands).any():
+            asked, limit = (values[np.argmax(beyond)] for values in (commands, clipped))
+            yield "ctrlrange", f"{name} is {asked:.3g}; ctrlrange limits it to {limit:.3g}"
+        at = [joints.index(joint) for joint, _ in actuator.gears]
+        ratios = [ratio for _, ratio in actuator.gears]
+        angles, rates = theory.hinge_angles[:, at] @ ratios, theory.hinge_rates[:, at] @ ratios
+        signal = as_drive(actuator.control(scene.duration), scene.duration)
+        signals = np.array([float(signal.rate(t)) for t in theory.times.tolist()])
+        forces = law.unlimited(signals, angles, rates)
+        if (part := float((np.abs(forces) > law.limit).mean())) > _LIMITED:
+            middle, most = middles.get(f"{name}_offset", 0.0), forces[np.abs(forces).argmax()]
+            words = f"{name} asks for up to {middle + most:.3g}; for {part:.0%} of the time its "
+            words += f"forcerange or actuatorfrcrange limits it to {middle - law.limit:.3g} to "
+            yield "forcerange", f"{words}{middle + law.limit:.3g}"
 
 
 def slip_causes(seen: Observation) -> Iterator[tuple[str, str]]:
@@ -264,13 +308,17 @@ def slip_causes(seen: Observation) -> Iterator[tuple[str, str]]:
         yield "friction", f"it slips, as its friction says: {needed_friction(seen)}"
     if scene.start.slips:
         *slip, spin = scene.start.slip.tolist()
-        speeds = [f"its contact point starts at {np.hypot(*slip):.3g} m/s"] * any(slip)
+        moving, slides = seen.user.robot.moving(seen.user.begin()), float(np.hypot(*slip))
+        fast = float(np.linalg.norm(moving[3:]) + scene.ball.radius * np.linalg.norm(moving[:3]))
+        speeds = [f"its contact point starts at {slides:.3g} m/s"] * (slides > _SLIP * fast)
         speeds += [f"it starts with a spin of {spin:.3g} rad/s"] * bool(spin)
-        in_world = _rolls_in_world_axes(seen.user)
-        words = " and ".join(speeds)
-        if in_world:
-            words += "; it rolls with its angular velocity in world axes, but qvel has body axes"
-        yield "axes" if in_world else "start", words
+        if speeds and _rolls_in_world_axes(seen.user):
+            speeds[-1] += (
+                "; it rolls with its angular velocity in world axes, but qvel has body axes"
+            )
+            yield "axes", " and ".join(speeds)
+        elif speeds:
+            yield "start", " and ".join(speeds)
 
 
 def _rolls_in_world_axes(user: UserModel) -> bool:
@@ -299,8 +347,7 @@ def _slip(seen: Observation, step: float) -> Iterator[Change]:
 
 def _integrator(seen: Observation) -> Iterator[Change]:
     """An integrator other than RK4 is of first order."""
-    gain = too_high_gain(seen.user)
-    if seen.option.integrator != _RK4_ID and (gain is None or gain.step):
+    if seen.option.integrator != _RK4_ID:
         yield Change("integrator", "the integrator is of first order", option={"integrator": "RK4"})
 
 

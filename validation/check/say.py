@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from rich.markup import escape
 
 from robotball.engines.mujoco import LABEL
 from robotball.motion import Motion, versions
-from robotball.robot.drives import as_drive
 from robotball.rotations import Array
 from robotball.user_model.robot_file import friction_source
 from robotball.view.tracks import PRESET_LOOKS
@@ -24,7 +24,7 @@ from ..slip import listed
 from ..study import Column, Study, table_of
 from .ablate import Checked
 from .observe import Observation, distances, is_shock, resistance_per_deceleration, unusual_numbers
-from .propose import collisions, needed_friction, slip_causes, too_high_gain
+from .propose import collisions, limited_actuators, needed_friction, slip_causes, too_high_gain
 
 COLUMNS = (
     Column("change", "change", words=True),
@@ -91,13 +91,17 @@ def causes_of(checked: Checked) -> list[str]:
     seen, needed = checked.observation, checked.needed
     causes = []
     for change, error in needed:
-        worth = f"path error {scientific(error)}" if np.isfinite(error) else "diverges"
+        which = "your file" if seen.symptoms.diverged else "the mended contact"
+        worth = f"path error {scientific(error)}" if np.isfinite(error) else f"{which} diverges"
         causes.append(f"{change.name}: {change.words} ({worth} without this change)")
-    causes += [checked.short] if checked.short and seen.theory.ended else []
+    if checked.short and not checked.short.startswith("only"):
+        causes.append(checked.short)
     rolls = seen.theory.slipping or seen.theory.path_length >= seen.user.robot.radius
     helped = (rolls or seen.symptoms.diverged) and needed and checked.mended_error <= seen.accuracy
     unusual = [*slip_causes(seen), *unusual_numbers(seen.user, seen.theory.scene)]
-    meant = {"gear": True, "start": not is_shock(seen.user, seen.theory)}
+    unusual += limited_actuators(seen.theory)
+    meant = dict.fromkeys(("gear", "ctrlrange", "forcerange"), True)
+    meant["start"] = not is_shock(seen.user, seen.theory)
     meant["gravity"] = bool(seen.theory.slipping)
     meant["friction"] = seen.friction_worth < seen.error or seen.symptoms.diverged
     gain = too_high_gain(seen.user) if seen.symptoms.failure else None
@@ -134,7 +138,7 @@ def _verdict(checked: Checked) -> Iterator[str]:
     else:
         verdict = f"agrees. {error}"
     if repairs := seen.user.robot.repairs:
-        yield f"unmodified: does not roll: {'; '.join(repairs.values())}."
+        yield f"unmodified: wrong before the first step: {'; '.join(repairs.values())}."
     yield f"{'repaired' if repairs else 'unmodified'}: {verdict}."
     if checked.short:
         yield checked.short
@@ -196,12 +200,6 @@ def _symptoms(checked: Checked) -> Iterator[str]:
         if scene.rolling == "rubber":
             spin = radius * np.abs(measured.spin[rolls]).mean() / speed
             yield f"spin: {scientific(spin)} of its path"
-    for actuator in scene.actuators:
-        commands = as_drive(actuator.command, scene.duration).rate(seen.theory.times)
-        clipped = np.clip(commands, *actuator.within)
-        if (beyond := clipped != commands).any():
-            asked, limited = (values[np.argmax(beyond)] for values in (commands, clipped))
-            yield f"control: {actuator.name} is {asked:.3g}; ctrlrange limits it to {limited:.3g}"
     if symptoms.delivered is not None and seen.judged and not symptoms.failure:
         declared = f"the file and the reference declare {scene.friction.rolling:g} m"
         line = (
@@ -246,28 +244,31 @@ def _picture(checked: Checked) -> Figure:
         times, whole = seen.motion.times, seen.symptoms.path
         after = whole[times >= min(seen.symptoms.until, times[-1]) - seen.interval]
         left.plot(*after[:, :2].T, color=_AFTER, label="after the first bad state")
-        whole = whole[:: int((times < 0.999 * seen.interval).sum())][: len(theory.times)]
-        away = distances(whole, theory)
-        right.plot(theory.times[: len(whole)], away, color=_AFTER, marker=".", ms=2)
+        away = distances(whole, theory, times)
+        right.plot(times, away, color=_AFTER, marker=".", ms=2)
+        right.axvline(seen.symptoms.until, color=_AFTER, ls="--", label="first bad state")
     for label, path, color, dash in curves:
         # Mark the end, because a path may end within another.
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
         left.plot(*path[:, :2].T, ls=dash, marker="o", markevery=last, color=color, label=label)
-        away = distances(path, theory)[1:]
-        right.plot(theory.times[1:], away, ls=dash, color=color, label=label)
+        away = np.linalg.norm(path[:, [0, 1, 3]], axis=1) / theory.scene.ball.radius
+        away = distances(path, theory) if seen.judged else away
+        right.plot(theory.times[1:], away[1:], ls=dash, color=color, label=label)
     paths = [path[:, :2] for _, path, *_ in curves[bool(seen.symptoms.failure) :]]
     shown = np.concatenate([theory.contact_point, *paths])
     ends = np.array([np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)])
-    half, (x, y) = (
-        0.6 * max(np.ptp(ends, axis=0).max(), theory.scene.ball.radius),
-        ends.mean(axis=0),
-    )
+    radius, (x, y) = theory.scene.ball.radius, ends.mean(axis=0)
+    half = 0.6 * max(np.ptp(ends, axis=0).max(), 2 * radius)
     left.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
-    positive = any(np.nansum(line.get_ydata()) for line in right.lines)
-    right.set_yscale("log" if positive else "linear")
-    right.axhline(seen.accuracy, color="gray", linestyle=":", label="asked for")
     right.set(xlabel="t [s]", title="path error over the path's length or the radius")
+    if seen.judged:
+        positive = any(np.nansum(line.get_ydata()) for line in right.lines)
+        right.set_yscale("log" if positive else "linear")
+        right.axhline(seen.accuracy, color="gray", linestyle=":", label="asked for")
+    else:
+        left.add_patch(Circle((x, y), radius, fill=False, ls=":"))
+        right.set(title="distance rolled, or turned in place, over the radius")
     left.legend()
     right.legend()
     return figure

@@ -24,7 +24,7 @@ from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, Mask, from_matrix, rotation_matrix
 from robotball.user_model.mended_file import compiled
-from robotball.user_model.robot_file import RobotFile, gears_of
+from robotball.user_model.robot_file import RobotFile, gears_of, geom_name
 from robotball.user_model.robot_scene import scene_of, slipping
 
 _PATIENCE = 12.0  # s of processor time for one run
@@ -251,8 +251,9 @@ def observed(
         inside.update(overlapping)
         user.step(data, every)
         if i % max(1, _CLOCK_STEPS // every) == 0:
-            show(i / count)
-            if time.process_time() - began > _PATIENCE:
+            spent = time.process_time() - began
+            show(max(i / count, spent / _PATIENCE))
+            if spent > _PATIENCE:
                 break
     diverged = None if _sound(data) else float(data.time)
     seconds = time.process_time() - began
@@ -262,6 +263,7 @@ def observed(
     recording.add(_readings_of(user, scene, table))
     motion = recording.motion(model.opt.timestep, len(rows), seconds)
     path = user.points(table.centre, turned(table.angular_velocity[:, 2], table.time))
+    obstacle = min(filter(None, (obstacle, _edge(robot, data, rows))), default=None)
     lost, radius = np.isnan(table.depth), user.robot.radius
     failure, until, hops = _failure(table.time, lost, path[:, 2], radius, diverged)
     exerted, declared = np.nansum(table.resistance, axis=0)
@@ -277,6 +279,18 @@ def observed(
         lag=_lags(user, table),
         obstacle=obstacle if obstacle and obstacle.time <= until else None,
     )
+
+
+def _edge(robot: RobotFile, data: mujoco.MjData, rows: Sequence["_State"]) -> Obstacle | None:
+    """Return when the sphere rolls off the edge of the box on which it rolls, if it does."""
+    model, plane = robot.model, robot.plane
+    away = np.array([row.centre for row in rows]) - data.geom_xpos[plane]
+    across = np.abs(away @ data.geom_xmat[plane].reshape(3, 3))[:, :2]
+    off = (across > model.geom_size[plane, :2]).any(axis=1)
+    if model.geom_type[plane] != int(mujoco.mjtGeom.mjGEOM_BOX) or not off.any():
+        return None
+    sphere, floor = (geom_name(model, geom) for geom in (robot.sphere, plane))
+    return Obstacle(float(rows[off.argmax()].time), f"{sphere} rolls off the edge of {floor}")
 
 
 def _failure(

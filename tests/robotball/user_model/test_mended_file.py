@@ -147,6 +147,18 @@ def test_a_keyframe_of_an_included_file_is_shifted(tmp_path: Path) -> None:
     assert moved.key_qvel[0, :3] - [1, 0, 0] == pytest.approx(2 * UP, abs=1e-12)
 
 
+def test_a_file_with_hyphens_in_a_comment_can_be_changed(tmp_path: Path) -> None:
+    """Two in a row are not XML. MuJoCo reads and writes them all the same."""
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        '<mujoco><!-- a -- b --><worldbody><geom type="plane" size="1 1 .1"/><body pos="0 0 .2">'
+        '<freejoint/><geom size=".2" mass="1"/></body></worldbody></mujoco>'
+    )
+    option = {"integrator": "RK4"}
+    model = compiled(editable_of(path).changed([Change("integrator", "", option=option)]))
+    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4.value
+
+
 def test_a_text_that_does_not_compile_is_refused() -> None:
     """The error contains the message of MuJoCo."""
     with pytest.raises(InputError, match=naming("nosuch")):

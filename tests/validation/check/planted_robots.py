@@ -108,6 +108,32 @@ def _fixed(**fields: str) -> Callable[[_Fields], _Fields]:
     return lambda _: fields
 
 
+def _driven(attributes: str) -> Callable[[_Fields], _Fields]:
+    """Return a mistake: attributes of the actuator `drive`."""
+    return lambda fields: {
+        "drive": fields["drive"].replace('name="drive"', f'name="drive" {attributes}')
+    }
+
+
+def _by_class(**attributes: str) -> Callable[[_Fields], _Fields]:
+    """Return a mistake: attributes of a default class, in place of those of the pair."""
+
+    def planted(fields: _Fields) -> _Fields:
+        geom = {name: fields[name] for name in ("condim", "solref", "solimp")}
+        geom["friction"] = f"{fields['friction'].split()[0]} {fields['spin']} .0001"
+        words = " ".join(f'{name}="{value}"' for name, value in {**geom, **attributes}.items())
+        return {"default": f"<default><geom {words}/></default>", "under": ""}
+
+    return planted
+
+
+def _far(fields: _Fields) -> _Fields:
+    """Return a ghost that hangs 200 radii below the sphere, on the ball."""
+    mass, away = float(fields["mass"]) / 5, 200 * float(fields["radius"])
+    ghost = f'<geom size=".01" pos="0 0 {-away:.4g}" mass="{mass:.4g}" {_GHOST}/>'
+    return {"inside": ghost + fields["inside"]}
+
+
 # The name begins with the cause. Each returns the changed fields of a robot.
 PLANTED: dict[str, Callable[[_Fields], _Fields]] = {
     "gain of a servo": _stiff,
@@ -130,8 +156,18 @@ PLANTED: dict[str, Callable[[_Fields], _Fields]] = {
         'name="axle"', f'name="axle" range="{_STOPS["slide" in fields["inside"]]}"')},
     "range": lambda fields: {
         "inside": fields["inside"].replace('name="axle"', 'name="axle" range="60 -60"')},
-    "gear": lambda fields: {"drive": fields["drive"].replace('name="drive"',
-                                                             'name="drive" gear="0"')},
+    "gear": _driven('gear="0"'),
+    "range of a control": _driven('ctrlrange="1 -1"'),
+    "range of a force": _driven('forcerange="1 -1"'),
+    "ctrlrange": _driven('ctrlrange="-1e-4 1e-4"'),
+    "forcerange": _driven('forcerange="-1e-4 1e-4"'),
+    "gain below 0": _fixed(drive='<velocity name="drive" joint="axle" kv="-.05"/>', key='ctrl="5"'),
+    "inertia far away": _far,
+    "start that slides": lambda fields: {
+        "key": fields["key"].partition("qvel")[0] + f'qvel="{5 * float(fields["radius"])} 0 0"'},
+    "condim of a class": _by_class(condim="1"),
+    "friction of a class": _by_class(friction=".002 .005 .0001"),
+    "softness of a class": _by_class(solref=".3 1", solimp=".5 .6 .01 .5 2"),
 }  # fmt: skip
 
 
@@ -143,6 +179,11 @@ PAIRS = [
     ("freejoint missing", "gravity"),
     ("inertia too large", "integrator"),
     ("start in the floor", "condim"),
+    ("forcerange", "softness of a class"),
+    ("ctrlrange", "start above"),
+    ("range of a control", "friction of a class"),
+    ("gain below 0", "gravity"),
+    ("inertia far away", "start that slides"),
 ]
 
 
@@ -152,7 +193,7 @@ def text_of(fields: _Fields) -> str:
     whole = {**_USUAL, "height": fields["radius"], **fields}
     whole["key"] = whole["key"].replace("{turn}", f"{0.5 / radius:.9g}")
     text = _FILE.format(**whole)
-    if not whole["floor"] or not whole["free"]:  # a pair needs its geoms
+    if not (whole["floor"] and whole["free"] and whole["under"]):  # a pair needs its geoms
         text = text.replace(text[text.index("<contact>") : text.index("<actuator>")], "")
     return text
 

@@ -49,7 +49,7 @@ PLANTED = {
     "condim": ('condim="3" friction="20 20 .005', 'condim="4" friction="20 20 .05'),
     "condim 2": ('condim="3"', 'condim="1"'),
     "timestep": ('timestep=".001"', 'timestep=".01"'),
-    "timestep 2": ('timestep=".001"', 'timestep=".02"'),
+    "gain": ('timestep=".001"', 'timestep=".02"'),  # for a servo of lean
     "cone": (_CONE, 'cone="pyramidal"'),
     "cone 2": (_CONE, 'cone="pyramidal" impratio=".2"'),
     "softness": (_SOLREF, 'solref=".1 1"'),
@@ -95,7 +95,7 @@ PAIRS = [
     ("friction", "start 3"),
     ("timestep", "integrator"),
     ("softness 2", "integrator 2"),
-    ("condim", "timestep 2"),
+    ("condim", "gain"),
     ("timestep", "softness 4"),
     ("softness", "friction 3"),
     ("contacts", "solver 3"),
@@ -313,6 +313,9 @@ STRUCK = """<mujoco><option timestep="{step}"/><worldbody><geom type="plane" siz
 <joint name="j" axis="0 1 0"/><geom type="box" size=".03 .03 .01" pos="0 0 -.04" mass=".5"
 contype="0" conaffinity="0"/></body></body></worldbody><actuator>{servo}</actuator>
 <keyframe><key ctrl="{command}"/></keyframe></mujoco>"""
+GAIN_TO_HALVE = STRUCK.format(
+    step=".004", servo='<velocity name="drive" joint="j" kv="1.5"/>', command=5
+).replace("timestep", 'cone="elliptic" timestep')
 TOO_HIGH = {
     "velocity": (".002", '<velocity name="drive" joint="j" kv="6"/>', 5, "kv·gear²·dt/I"),
     "position": (".01", '<position name="drive" joint="j" kp="100"/>', 0.02, "kp·gear²·dt²/I"),
@@ -335,6 +338,18 @@ def test_a_gain_that_diverges_is_named_before_friction(servo: str, tmp_path: Pat
     assert not any(word in line for line in lines[: first + 1] for word in ("friction", "slip"))
     assert record.needed[0][0].name == "gain"
     assert record.mended_error < 1e-3
+
+
+def test_rk4_is_taken_for_a_gain_if_it_needs_fewer_evaluations(tmp_path: Path) -> None:
+    """Steps of 1 ms, 4e-7. implicitfast halves its error with each halving of its steps."""
+    path = tmp_path / "robot.xml"
+    path.write_text(GAIN_TO_HALVE)
+    record = check_model(UserModel(open_robot(path), {}, None), None, 1.0, 1e-4, silent)
+    assert causes_of(record)[0].startswith("gain: drive")
+    assert not any("needs" in change.words for change, _ in record.needed)
+    assert record.mended_error < 1e-4
+    option = mujoco.MjModel.from_xml_string(record.text).opt
+    assert option.integrator == mujoco.mjtIntegrator.mjINT_RK4.value
 
 
 @pytest.mark.parametrize(

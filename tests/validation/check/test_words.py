@@ -1,5 +1,6 @@
 """What `check` says: repairs, defaults, numbers that no robot has, rows, pictures, refusals."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -9,6 +10,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.user_model import UserModel
 from robotball.user_model import robot_file
+from robotball.user_model.mended_file import Change
 from robotball.user_model.robot_file import default_class, friction_source, open_robot
 from tests.messages import naming, unnamed
 from tests.validation.check.planted_robots import planted
@@ -92,6 +94,133 @@ INERTIAS = {
     "small": ((0.6, 0, *3 * (5.3e-5,)), False, "5.3e-05 0.0054"),
     "not small": ((0.6, 0, *3 * (5.5e-5,)), None, ""),
 }
+IMPOSSIBLE = {
+    "diaginertia": ('diaginertia="700 700 700"', "700 0.8~kg 0.15~m 0.016 0.0017"),
+    "fullinertia": ('fullinertia="1 1 1 .1 0 0"', "1.1 0.8~kg 0.15~m 0.016 0.0017"),
+}
+
+
+@pytest.mark.parametrize("attribute", IMPOSSIBLE)
+def test_an_impossible_inertia_gets_a_value_in_the_mended_file(
+    attribute: str, tmp_path: Path
+) -> None:
+    """0.0017 = 2/5 m r² of the plate's box, below m (r² - c²). The rest of the file agrees."""
+    numbers, facts = IMPOSSIBLE[attribute]
+    inertial = f'<inertial pos="0 0 -.05" mass=".8" {numbers}/>'
+    record = checked(
+        tmp_path, planted("pendulum").replace('damping=".01"/>', f'damping=".01"/>{inertial}')
+    )
+    assert not record.agrees
+    assert unnamed(f"inertia plate {facts}", causes_of(record)[0]) == []
+    assert "+ inertia" in rows_of(study_of(record, []))
+    model = mujoco.MjModel.from_xml_string(record.text)
+    assert model.body("plate").inertia == pytest.approx(3 * [0.4 * 0.8 * 0.00515625], rel=1e-3)
+    assert model.body("ball").inertia == pytest.approx(3 * [0.4 * 0.6 * 0.15**2])
+
+
+FAR = {
+    "centre": ("0 0 -0.05", "0 0 -30", "30~m"),
+    "plate": ("0.05 0.05 0.0125", "50 50 .0125", "plate 40.8~m 0.15~m"),
+}
+
+
+@pytest.mark.parametrize("name", FAR)
+def test_a_part_far_outside_the_sphere_is_unusual(name: str, tmp_path: Path) -> None:
+    """A geom at 30 m below a sphere of 0.15 m, or of 50 m, without contacts."""
+    old, new, facts = FAR[name]
+    text = planted("pendulum")
+    assert old in text
+    assert (
+        unnamed(f"inertia {facts}", causes_of(checked(tmp_path, text.replace(old, new)))[0]) == []
+    )
+
+
+def test_a_mass_that_no_sphere_holds_is_named(tmp_path: Path) -> None:
+    """700.6 kg in a sphere of 0.15 m are 49 600 kg/m³; osmium has 22 600."""
+    text = planted("pendulum").replace('mass="0.8"', 'mass="700"')
+    cause = causes_of(checked(tmp_path, text))[0]
+    assert unnamed("mass 701~kg 0.15~m 4.96e+04~kg/m³ 22600", cause) == []
+
+
+_SERVO = 'name="drive" joint="axle" kv=".05"'
+ACTUATORS = {
+    "gain of 0": (_SERVO.replace(".05", "0"), "gain drive 0"),
+    "forcerange of an activation": (
+        f'{_SERVO.replace("kv", "kp")} actrange="-9 9" forcerange="-.001 .001"',
+        "forcerange drive 0.001",
+    ),
+    "forcerange of a servo": (
+        f'{_SERVO} forcerange="-.001 .001"',
+        "forcerange drive 0.25 -0.001~to~0.001 100%",
+    ),
+    "one-sided forcerange": (f'{_SERVO} forcerange="0 .02"', "forcerange drive 0~to~0.02"),
+    "ctrlrange": (f'{_SERVO} ctrlrange="-1 1"', "ctrlrange drive 5 1"),
+    "inverted ctrlrange": (f'{_SERVO} ctrlrange="1 -1"', "range ctrlrange drive 1 -1 inverted"),
+    "inverted forcerange": (f'{_SERVO} forcerange="2 -1"', "range forcerange drive 2 -1 inverted"),
+}
+
+
+@pytest.mark.parametrize("name", ACTUATORS)
+def test_what_keeps_an_actuator_from_its_command_is_a_row(name: str, tmp_path: Path) -> None:
+    new, facts = ACTUATORS[name]
+    text = planted("velocity servo").replace(_SERVO, new)
+    text = text.replace("<velocity", "<intvelocity") if "activation" in name else text
+    record = checked(tmp_path, text)
+    assert unnamed(facts, causes_of(record)[0]) == []
+    assert f"! {facts.split()[0]}" in rows_of(study_of(record, []))
+
+
+def test_an_inverted_range_of_forces_on_a_joint_is_named(tmp_path: Path) -> None:
+    text = planted("pendulum").replace('name="axle"', 'name="axle" actuatorfrcrange="1 -1"')
+    facts = "range actuatorfrcrange axle inverted"
+    assert unnamed(facts, causes_of(checked(tmp_path, text))[0]) == []
+
+
+@pytest.mark.parametrize("bias", ["kp", "kv"])
+def test_a_gain_that_drives_a_joint_away_is_named(bias: str, tmp_path: Path) -> None:
+    """The equations lift off too, so that the file is refused, with the gain."""
+    terms = {"kp": "0 2 0", "kv": "0 0 .05"}[bias]
+    servo = f'<general name="drive" joint="axle" biastype="affine" biasprm="{terms}"/>'
+    text = planted("pendulum").replace('<motor name="drive" joint="axle"/>', servo)
+    with pytest.raises(rb.InputError, match=naming(f"gain drive {bias} negative")):
+        checked(tmp_path, text)
+
+
+def test_a_refusal_names_the_gain_with_which_the_file_diverges(tmp_path: Path) -> None:
+    """A spring of 1e6 N m/rad that starts at 0.2 rad, where the equations lift off as well."""
+    text = planted("pendulum").replace('name="axle"', 'name="axle" stiffness="1e6"')
+    text = text.replace('ctrl=".1"', 'qpos="0 0 .15 1 0 0 0 .2"')
+    facts = "robot.xml diverges lifts~off spring gain axle stiffness"
+    with pytest.raises(rb.InputError, match=naming(facts)):
+        checked(tmp_path, text)
+
+
+def test_a_cause_says_which_file_diverges_without_its_change(tmp_path: Path) -> None:
+    """The file as it is, or only the mended contact."""
+    diverging = planted("velocity servo").replace('kv=".05"', 'kv="20"')
+    assert unnamed("gain your~file~diverges", causes_of(checked(tmp_path, diverging))[0]) == []
+    record = checked(tmp_path, planted("velocity servo"))
+    needed = replace(record, needed=[(Change("timestep", "too long"), np.inf)])
+    assert unnamed("timestep mended~contact~diverges", causes_of(needed)[0]) == []
+
+
+def test_a_wall_is_the_cause_before_a_rounding_of_the_start(tmp_path: Path) -> None:
+    """A ball at 1 m/s turns at 6.667 rad/s, so that its contact point slips at 5e-5 m/s."""
+    wall = '<geom name="wall" type="plane" size="1 1 .1" pos=".3 0 0" zaxis="-1 0 0"/><body name="b'
+    text = planted("pendulum").replace('ctrl=".1"', 'qvel="1 0 0 0 6.667 0 0"')
+    causes = causes_of(checked(tmp_path, text.replace('<body name="b', wall, 1)))
+    assert unnamed("ends~early shell wall", causes[0]) == []
+    assert not any(cause.startswith("start") for cause in causes)
+
+
+def test_a_sphere_that_rolls_off_a_box_ends_the_comparison(tmp_path: Path) -> None:
+    """At 1.07 s. Before, it left the plane, and the cause was unknown."""
+    floor = '<geom name="floor" type="box" size=".2 .2 .1" pos="0 0 -.1"/>'
+    text = planted("pendulum").replace('<geom name="floor" type="plane" size="5 5 .1"/>', floor)
+    record = checked(tmp_path, text, 2.0)
+    study = study_of(record, [])
+    assert unnamed("ends~early shell edge floor", causes_of(record)[0]) == []
+    assert "! ends early" in rows_of(study)
 
 
 @pytest.mark.parametrize("name", INERTIAS)
@@ -102,8 +231,8 @@ def test_an_inertia_is_measured_by_what_its_mass_can_have(name: str, tmp_path: P
     inertial = INERTIAL.format(*numbers)
     path.write_text(planted("pendulum").replace("<freejoint/>", f"<freejoint/>{inertial}"))
     found = list(unusual_inertias(open_robot(path)))
-    assert [it for _, it in found] == ([] if never is None else [never])
-    assert all(unnamed(f"ball {facts}", words) == [] for words, _ in found)
+    assert [it.is_impossible for it in found] == ([] if never is None else [never])
+    assert all(unnamed(f"ball {facts}", it.words) == [] for it in found)
 
 
 def test_a_needed_change_does_not_say_that_there_is_enough(tmp_path: Path) -> None:
@@ -140,6 +269,35 @@ def test_the_picture_shows_what_happens_after_the_fault_in_grey(
         np.abs(record.observation.theory.contact_point).max() + record.observation.user.robot.radius
     )
     assert max(map(abs, left.get_xlim())) < 2 * reach
+
+
+@pytest.mark.parametrize("stays", ["", 'qvel="0 0 0 0 0 9 0"'])
+def test_the_picture_of_a_ball_that_stays_in_place_shows_its_size_and_its_turn(
+    stays: str, tmp_path: Path
+) -> None:
+    text = planted("pendulum").replace('ctrl=".1"', stays)
+    study = study_of(checked(tmp_path, text), [])
+    assert study.picture is not None
+    left, right = study.picture.axes
+    assert len(left.patches) == 1  # the sphere
+    assert unnamed("rolled turned radius", right.get_title()) == []
+    turned = max(np.abs(line.get_ydata()).max() for line in right.lines)
+    assert turned == pytest.approx(9.0 if stays else 0.0, rel=1e-3, abs=1e-6)
+
+
+def test_the_picture_shows_a_run_that_ends_before_the_first_sample(tmp_path: Path) -> None:
+    """It diverges within the 10 ms between two samples. Before, the right chart was empty."""
+    servo = '<velocity name="drive" joint="axle" kv="20"/>'
+    text = planted("velocity servo").replace(
+        '<velocity name="drive" joint="axle" kv=".05"/>', servo
+    )
+    study = study_of(checked(tmp_path, text), [])
+    assert study.picture is not None
+    right = study.picture.axes[1]
+    labels = {str(line.get_label()): line for line in right.lines}
+    assert "first bad state" in labels
+    grey = [line for line in right.lines if line.get_marker() == "."]
+    assert np.nanmax(grey[0].get_ydata()) > 1e-3
 
 
 STANDS = {"stands~still": "", "spins spot 9~rad": 'qvel="0 0 0 0 0 9 0"'}

@@ -280,7 +280,7 @@ def _not_freed(residuals: Residuals) -> Iterator[tuple[str, float, Unknown]]:
             of_commands = name == "commands.delay" and not log.commands
             if name in freed or name == alone or of_commands:
                 continue
-            for unknown in of_circumstance(fitted.start, log, k, name):
+            for unknown in of_circumstance(fitted, k, name):
                 yield name, circumstance.plausible, unknown
 
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from robotball.errors import LARGEST, InputError, check_positive, named, unknown
+from robotball.errors import InputError, named, unknown
 from robotball.files.scene_tables import Numbers
 from robotball.fit import evidence
 from robotball.fit.evidence import NO_EVIDENCE, Estimate, SensorFit, chi2_of
+from robotball.fit.first import first_values
 from robotball.fit.logs import Log, logs_of
 from robotball.fit.residuals import (
-    FIRST,
     LOSSES,
     WHOLE,
     FittedLog,
@@ -31,15 +31,13 @@ from robotball.fit.residuals import (
     of_scene,
 )
 from robotball.fit.scene_numbers import numbers_of
-from robotball.fit.sensing import FEWEST, noise_of
 from robotball.robot.ball import Value
-from robotball.robot.scene import Scene, Start
-from robotball.rotations import Array, rotation_matrix
+from robotball.robot.scene import Scene
+from robotball.rotations import Array
 
 _PARTS = (0.15, 0.4, 1.0)  # of the logs, fitted one after the other
 _PRIOR = 1.0  # of an unknown's size: its deviation, without evidence, while fitting part of a log
 _HARDLY = 1e-2  # per size: weak prior for unknowns of a start that have no effect
-_SMALLEST = 1e-7  # of a sensor's readings: least noise, above the errors of equations and engines
 _NO_GAIN = 0.1  # decrease of χ² at which the fit stops; the last steps do the rest
 _ROUGHLY = 1e-2  # relative decrease of χ² at which a part of the logs is finished
 # Last steps, which use central differences, and the fractions of a step that are tried. The fit has
@@ -204,7 +202,7 @@ def fit(
     solve = partial(
         _solved, numbers, circumstances=circumstances, run=run, loss=loss, minimize=minimize
     )
-    sensed = [_sensed(initial, log, noise or {}) for log in logs]
+    sensed = [first_values(initial, log, noise or {}, circumstances) for log in logs]
     fitted = [log for k, log in enumerate(sensed) if k != hold_out]
     if not fitted:
         raise InputError("no log to fit: add a log, or hold out none")
@@ -251,68 +249,6 @@ def fit(
     )
 
 
-def _sensed(scene: Scene, log: Log, noise: Mapping[str, float]) -> FittedLog:
-    """Return a log with its sensors' noise and the initial state from its first readings."""
-    sizes, first = [], {}
-    for sensor in log.sensors:
-        first[sensor.name] = np.median(sensor.values[:FIRST], axis=0)
-        least = _SMALLEST * float(np.abs(sensor.values).max())
-        estimate = max(noise_of(sensor), least)
-        specified = noise.get(sensor.name)
-        if specified is not None:
-            check_positive(f"the noise of {sensor.name}", specified)
-        # A smaller spread would make squared residuals overflow.
-        constant = np.ptp(sensor.values, axis=0).max() < 1 / LARGEST
-        few = len(sensor.times) < FEWEST
-        if specified is None and (few or constant):
-            fault = "is constant" if constant else f"has only {len(sensor.times)} readings"
-            raise InputError(
-                f"{log.name}: {sensor.name} {fault}, so its noise cannot be estimated; specify its "
-                "noise or remove its columns"
-            )
-        sizes.append(estimate if specified is None else max(specified, least))
-    motors = [hinge.name for hinge in scene.hinges if hinge.motor is not None]
-    begins = {
-        kind: {n: float(first[f"{n}_{kind}"][0]) for n in motors if f"{n}_{kind}" in first}
-        for kind in ("angle", "rate")
-    }
-    started = scene.with_hinges(**begins)
-    # A single reading, because a median of quaternions is not a rotation.
-    attitudes = (sensor.values[0] for sensor in log.sensors if sensor.name == "attitude")
-    attitude = next(attitudes, scene.start.attitude)
-    omega = first.get("gyro", scene.angular_velocity_at(scene.start))
-    started = replace(started, start=Start(attitude, np.zeros(3)))
-    slip = _first_slip(started, log, dict(zip(first, sizes, strict=True)), omega)
-    if slip is None:
-        slip = scene.start.slip
-    started = replace(started, start=Start(attitude, started.momentum_of(omega), slip))
-    estimated = tuple(sensor.name not in noise for sensor in log.sensors)
-    return FittedLog(log, tuple(sizes), estimated, started)
-
-
-def _first_slip(scene: Scene, log: Log, noise: Mapping[str, float], omega: Array) -> Array | None:
-    """Return the slip of a start (3,) that the first readings show; None if they cannot show it.
-
-    omega (3,): of the frame at the start, frame axes [rad/s].
-    """
-    place = next((s for s in log.sensors if s.name == "position"), None)
-    if place is None or "gyro" not in noise or not scene.may_slip:
-        return None
-    t = place.times[:FIRST] - place.times[:FIRST].mean()
-    velocity = t @ place.values[:FIRST, :2] / (t @ t)
-    # The attitude in the middle of these readings, as a fast ball turns during them.
-    attitudes = [s.values[FIRST // 2] for s in log.sensors if s.name == "attitude"]
-    to_world = rotation_matrix(attitudes[0]) if attitudes else scene.start.to_world
-    shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
-    slip = scene.slip_of(0.0, np.zeros(2), velocity, to_world @ shell)
-    turn = noise.get("attitude", 0.0) * float(np.linalg.norm(shell))
-    of_gyro = scene.ball.radius * float(np.hypot(noise["gyro"], turn))
-    slide = float(np.hypot(noise["position"] / np.sqrt(t @ t), of_gyro))
-    errors = np.array([slide, slide, noise["gyro"]])
-    slip[np.isinf(scene.slip_limits)] = 0.0
-    return slip * bool((np.abs(slip) > evidence.SHOWN * errors).any())
-
-
 def _solved(
     numbers: Numbers,
     shared: Sequence[Unknown],
@@ -327,8 +263,8 @@ def _solved(
     """Return the solution, the residuals, their derivative and whether the fit converged."""
     unknowns = list(shared)
     for k, fitted_log in enumerate(logs):
-        unknowns += of_log(fitted_log.start, fitted_log.log, k, circumstances)
-    x = np.zeros(len(unknowns))
+        unknowns += of_log(fitted_log, k, circumstances)
+    x = begin = np.zeros(len(unknowns))
     of_scene_ = np.array([unknown.log is None for unknown in unknowns])
     low, high = (
         np.array([(getattr(u, side) - u.value) / u.size for u in unknowns])
@@ -338,13 +274,15 @@ def _solved(
         residuals = Residuals(
             numbers, unknowns, [e.until(part) for e in logs], run, loss, fixed or {}
         )
+        if part == _PARTS[0]:
+            x = begin = _with_resistance(residuals, x, low, high)
         if not np.isfinite(residuals(x)).all():
-            x = np.zeros(len(x))  # the shorter part may have led to a motion that ends early
+            x = begin  # the shorter part may have led to a motion that ends early
         if not np.isfinite(first := residuals(x)).all():
             _raise_cause(residuals, x, run)
         # A part of the logs may hardly constrain an unknown, which must not run away.
         prior = np.where(of_scene_, 1 / _PRIOR if part < 1 else NO_EVIDENCE, _HARDLY)
-        with_prior = partial(_with_prior, residuals=residuals, prior=prior)
+        with_prior = partial(_with_prior, residuals=residuals, prior=prior, begin=begin)
         # A trial may lead to an impossible body.
         jacobian = partial(_jacobian_with_prior, residuals=residuals, prior=prior)
         ftol = _NO_GAIN / len(first) if part == 1 else _ROUGHLY
@@ -375,8 +313,22 @@ def _solved(
     return x, residuals, J, gain < _SHORT
 
 
-def _with_prior(x: Array, residuals: Residuals, prior: Array) -> Array:
-    return np.concatenate([residuals(x), prior * x])
+def _with_resistance(residuals: Residuals, x: Array, low: Array, high: Array) -> Array:
+    """Return x with the rolling friction that the tracks show, if it explains the logs better."""
+    shown = [
+        log.first["friction.rolling"] for log in residuals.logs if "friction.rolling" in log.first
+    ]
+    if not shown:
+        return x
+    better, value = x.copy(), float(np.median(shown))
+    for j, number in enumerate(residuals.unknowns):
+        if number.name == "friction.rolling":
+            better[j] = np.clip((value - number.value) / number.size, low[j], high[j])
+    return min(better, x, key=lambda at: chi2_of(residuals(at)))
+
+
+def _with_prior(x: Array, residuals: Residuals, prior: Array, begin: Array) -> Array:
+    return np.concatenate([residuals(x), prior * (x - begin)])
 
 
 def _jacobian_with_prior(x: Array, residuals: Residuals, prior: Array) -> Array:

@@ -8,7 +8,7 @@ are finite differences.
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -97,13 +97,15 @@ class Unknown:
 class FittedLog:
     """A log with its sensors' noise, and a scene with the initial guess of its initial state.
 
-    estimated: for each sensor, whether its noise was estimated from the readings.
+    estimated: for each sensor, whether its noise was estimated from the readings; first: first
+    values of other unknowns, by name.
     """
 
     log: Log
     noise: tuple[float, ...]
     estimated: tuple[bool, ...]
     start: Scene
+    first: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -214,9 +216,9 @@ def _other_inertia(numbers: Array, x: Array) -> Array:
     return np.array([mass, *centre, *(np.trace(spread) * np.eye(3) - spread)[_UPPER]])
 
 
-def of_log(scene: Scene, log: Log, at: int, freed: Sequence[str]) -> Iterator[Unknown]:
+def of_log(fitted: FittedLog, at: int, freed: Sequence[str]) -> Iterator[Unknown]:
     """Yield the unknowns of log number `at`: its initial state and its freed circumstances."""
-    sensors = {sensor.name: sensor for sensor in log.sensors}
+    scene, log = fitted.start, fitted.log
     new = partial(Unknown, log=at, of=f"{log.name}: ")
     for axis in "xyz":
         yield new(f"start.turn.{axis}", 0.0, 0.1, "rad")
@@ -233,24 +235,24 @@ def of_log(scene: Scene, log: Log, at: int, freed: Sequence[str]) -> Iterator[Un
         ):
             if np.isfinite(limit):
                 yield new(f"start.slip.{axis}", value, 0.1, unit)
-    if "position" in sensors and "world.origin" not in freed:
-        place = np.median(sensors["position"].values[:FIRST, :2], axis=0)
-        for axis, value in zip("xy", place.tolist(), strict=True):
+    if "start.place" in fitted.first:
+        for axis, value in zip("xy", fitted.first["start.place"].tolist(), strict=True):
             yield new(f"start.place.{axis}", value, 0.1 * scene.ball.radius, "m", moves=False)
     for name in dict.fromkeys(freed):
-        yield from of_circumstance(scene, log, at, name)
+        yield from of_circumstance(fitted, at, name)
 
 
-def of_circumstance(scene: Scene, log: Log, at: int, name: str) -> Iterator[Unknown]:
+def of_circumstance(fitted: FittedLog, at: int, name: str) -> Iterator[Unknown]:
     """Yield the unknowns of a log's circumstance. Raises InputError for an unknown name."""
-    radius = scene.ball.radius
+    log, radius = fitted.log, fitted.start.ball.radius
     sizes = {"rad": 0.1, "m": 0.1 * radius, "rad/s": 0.1, "m/s²": 0.1, "s": 0.01, "1": 0.1}
     kind = circumstance(name, [sensor.name for sensor in log.sensors])
     new = partial(Unknown, log=at, of=f"{log.name}: ", moves=not is_of_readings(name))
     low = 0.0 if name == "commands.delay" else -np.inf
-    for axis in "xyz"[: kind.count]:
+    values = fitted.first.get(name, np.zeros(kind.count)).tolist()
+    for axis, value in zip("xyz", values, strict=False):
         title = f"{name}.{axis}" if kind.count > 1 else name
-        yield new(title, 0.0, sizes[kind.unit], kind.unit, low=low)
+        yield new(title, value, sizes[kind.unit], kind.unit, low=low)
 
 
 class Residuals:

@@ -4,12 +4,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
 
 import robotball as rb
 from robotball.fit import fitting
+from robotball.fit.first import first_values
 from robotball.fit.residuals import Residuals, by_equations, held, of_log, of_scene
 from robotball.fit.scene_numbers import numbers_of
 from robotball.fit.sensing import apart, contradictions, noise_of, stands_still, times_of
@@ -188,10 +190,10 @@ def test_a_friction_that_is_not_reached_has_a_lower_bound(factor: float) -> None
 def test_the_need_of_a_ball_that_sticks_is_not_the_friction_of_its_slip() -> None:
     """A sphere that slides needs all its friction, and none when it rolls straight."""
     scene = rolling_start(SLIDING, 1.0)
-    sensed = fitting._sensed(scene, log(of=rb.integrate(SLIDING, SHORT)), NOISE)
+    sensed = first_values(scene, log(of=rb.integrate(SLIDING, SHORT)), NOISE, ())
     numbers = numbers_of(scene)
     unknowns = of_scene(numbers, ["friction.sliding"], scene.ball.radius)
-    unknowns += of_log(sensed.start, sensed.log, 0, [])
+    unknowns += of_log(sensed, 0, [])
     residuals = Residuals(numbers, unknowns, [sensed], by_equations, "linear", {})
     x = np.zeros(len(unknowns))
     assert residuals.needs(x)[0] == pytest.approx(0.3, abs=1e-9)
@@ -205,7 +207,7 @@ def test_a_fast_ball_that_rolls_does_not_start_with_slip() -> None:
     """
     scene = replace(rb.load_scene("fig12"), friction=Friction(20.0, 20.0))
     made = log(of=rb.integrate(scene, rb.sample_times(0.5, 0.02)))
-    assert not fitting._sensed(scene, made, NOISE).start.start.slips
+    assert not first_values(scene, made, NOISE, ()).start.start.slips
 
 
 @pytest.mark.slow
@@ -666,3 +668,65 @@ def test_every_catalog_scene_is_rebuilt_from_its_numbers() -> None:
     for name in rb.catalog():
         if name in ("fig12", "pendulum_robot", "swinging_frame", "wobbling_drive"):
             assert numbers_of(name).scene({}).ball == rb.load_scene(name).ball
+
+
+CAROM = """title = "Carom ball"
+rolling = "classical"
+duration = 8.4
+[shell]
+radius = 0.03275
+mass = 0.23
+inertia = { axial = 9.868e-5, transverse = 9.868e-5 }
+[frame]
+mass = 1e-6
+inertia = [1e-12, 1e-12, 1e-12]
+[friction]
+rolling = 1e-3
+[start]
+attitude = [1, 0, 0, 0]
+angular_velocity = [0, 10.63, 0]
+"""
+
+
+def carom(folder: Path, changes: Mapping[str, str] = MappingProxyType({})) -> tuple[Path, Path]:
+    """Write a scene of a billiard ball, and its track in mm: 0.348 t - 0.04255 t²/2 along 3.0 rad.
+
+    The speed and the deceleration belong to a rolling friction of 0.19886 mm.
+    """
+    text, t = CAROM, np.arange(0.0, 8.0, 0.16)
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    way = (0.348 * t - 0.04255 * t**2 / 2)[:, None] * [np.cos(3.0), np.sin(3.0)]
+    table = np.column_stack([t, np.round(way + np.array([0.8, -0.26]), 3)])
+    np.savetxt(folder / "track.csv", table, delimiter=",", header="t,x,y", comments="")
+    (folder / "carom.toml").write_text(text, encoding="utf-8")
+    return folder / "carom.toml", folder / "track.csv"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"10.63": "53"},
+        {"rolling = 1e-3": "rolling = 4e-5", "10.63": "-2"},
+        {"rolling = 1e-3": "rolling = 0", "10.63": "0"},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("circumstances", [(), ("world.yaw", "world.origin")])
+def test_a_track_gives_the_first_speed_heading_and_resistance(
+    changes: Mapping[str, str], circumstances: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Speeds 5 times off either way and at rest; rolling friction 5 times off either way, and 0."""
+    scene, track = carom(tmp_path, changes)
+    result = rb.fit(scene, track, ["friction.rolling"], circumstances=circumstances)
+    assert result.explains
+    # Measured 3e-5, from rounding to mm.
+    assert result.found[0].value == pytest.approx(1.9886e-4, rel=3e-4)
+    began = {number.name.rpartition(": ")[2]: number.began for number in result.of_logs}
+    if circumstances:
+        # The scene begins along X, or backwards, or at rest. Measured 7e-4 off.
+        heading = np.angle(np.exp(3.0j) * (-1 if "-2" in changes.values() else 1))
+        assert began["world.yaw"] == pytest.approx(
+            heading if changes.get("10.63") != "0" else 0.0, abs=3e-3
+        )
+        assert began["world.origin.x"] == pytest.approx(0.8, abs=1e-3)

@@ -72,6 +72,10 @@ _FRICTION = (
     "Friction of the plane: the sliding coefficient, and after a comma the torsional one in "
     "metres. The ball slips if it needs more. Default: as in the scene, mostly without a limit."
 )
+_MAP = (
+    "Name of a column, by its title in the file or the end of this, as "
+    'roll_joint.position=frame_angle or "px=x [mm]". Give it once for each column.'
+)
 _THREADS = "Cores to use. Default: all that are available. The results do not depend on it."
 _PLACE = "Folder of the engines' environments. Default: that of 'robotball engines --install'."
 
@@ -86,6 +90,7 @@ PresetName = Literal["naive", "fast", "balanced", "accurate", "efficient", "exac
 # An option takes one value, a list with commas, so that it never takes the scenes that follow.
 Names = Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="NAME,…")]
 Controls = Annotated[tuple[str, ...], Parameter(help=_CONTROL, metavar="NAME=VALUE|FILE")]
+ColumnNames = Annotated[tuple[str, ...], Parameter(help=_MAP, metavar="TITLE=COLUMN")]
 Frictions = Annotated[
     tuple[str, ...], Parameter(help=_FRICTION, converter=_listed, metavar="SLIDING,…")
 ]

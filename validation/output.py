@@ -256,3 +256,19 @@ def _lines_now_and_then(console: Console, total: float, wait: float) -> Show:
             console.print(line, soft_wrap=True, highlight=False, markup=False)
 
     return show
+
+
+def pairs_of(form: str, texts: Sequence[str]) -> dict[str, str]:
+    """Parse texts `NAME=VALUE`; form: what an option takes, for the InputError of another text."""
+    pairs: dict[str, str] = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if not name or not value or name in pairs:
+            raise InputError(f"{form}, once for each name, not {text!r}")
+        pairs[name] = value
+    return pairs
+
+
+def columns_named(texts: Sequence[str]) -> dict[str, str]:
+    """Parse the texts of --map. Raises InputError for another text."""
+    return pairs_of("--map takes TITLE=COLUMN, such as roll_joint.position=frame_angle", texts)

@@ -42,6 +42,7 @@ from .agreement import Agreement, compare
 from .output import (
     as_text,
     known,
+    pairs_of,
     plain_table,
     print_whole,
     scientific,
@@ -79,12 +80,7 @@ def controls_of(texts: Sequence[str]) -> dict[str, Rate]:
     Raises InputError if a text is malformed or a name is repeated.
     """
     controls: dict[str, Rate] = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        if not name or not value or name in controls:
-            raise InputError(
-                f"--control takes NAME=VALUE or NAME=FILE, once for each name, not {text!r}"
-            )
+    for name, value in pairs_of("--control takes NAME=VALUE or NAME=FILE", texts).items():
         try:
             controls[name] = float(value)
         except ValueError:

@@ -31,7 +31,7 @@ MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # classes are recognized by module name, because not all of these modules are loaded.
 _DAMAGED = (ArithmeticError, EOFError, LookupError, MemoryError)
 _UNREADABLE = (*_DAMAGED, OSError, RuntimeError, TypeError, ValueError)
-_READERS = ("_lzma", "msgspec", "pyarrow.lib", "tokenize", "zipfile", "zlib")
+_READERS = ("_lzma", "msgspec", "pyarrow", "rosbags", "scipy", "tokenize", "zipfile", "zlib")
 
 
 def contents(path: Path, longest: int = _MAX_BYTES) -> bytes:
@@ -51,7 +51,7 @@ def readable(prefix: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        if not (isinstance(error, _UNREADABLE) or type(error).__module__ in _READERS):
+        if not (isinstance(error, _UNREADABLE) or type(error).__module__.split(".")[0] in _READERS):
             raise
         raise InputError(f"{prefix}: {error}") from None
 

@@ -1,7 +1,7 @@
 """Read and write tables of numbers with a header, as CSV, NPZ or Parquet.
 
 Numbers are restored to the last bit. The CSV reader accepts what simulators write: any delimiter,
-comments, a line of units, a byte order mark.
+comments, a line of units, a byte order mark. `records` reads further formats.
 """
 
 import contextlib
@@ -30,6 +30,8 @@ _MAX_MEMORY = 1_000_000_000  # bytes of all numbers; that motion takes 0.9e9
 _FLOAT_BYTES = 8
 # JSON members of an NPZ and metadata keys of a Parquet file; in a CSV, units are in the header.
 _HEADER, _UNITS = "header", "units"
+_RECORDS = (".jsonl", ".ndjson", ".mat", ".bag", ".db3", ".mcap")
+RECORDS = "records"  # header entry of a table whose rows may lack any column
 # Units that need no conversion. The drive decides if its values are rates, angles or torques.
 _TIME, VALUES = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
 
@@ -59,7 +61,11 @@ def read_table(path: Path, gaps: bool = False) -> Table:
     gaps: whether empty cells of a text file are read as NaN; otherwise they are an error.
     """
     texts = dict.fromkeys((".csv", ".tsv", ".txt"), partial(_read_csv, empty="nan" if gaps else ""))
-    read = _of_suffix(path, {**texts, ".npz": _read_npz, ".parquet": _read_parquet})
+    read = _of_suffix(
+        path,
+        {**texts, ".npz": _read_npz, ".parquet": _read_parquet}
+        | dict.fromkeys(_RECORDS, partial(_read_records, suffix=path.suffix.lower())),
+    )
     fault = f"not a readable {path.suffix[1:].upper()} file"
     with opened(path, _LONGEST) as file, named(path), readable(fault):
         table = read(file)
@@ -236,6 +242,16 @@ def _write_npz(path: Path, table: Table) -> None:
     members: dict[str, Any] = {**_json_members(table), **table.columns}
     with path.open("wb") as file:  # given a path, NumPy would add its own suffix
         np.savez(file, allow_pickle=False, **members)
+
+
+def _read_records(file: BinaryIO, suffix: str) -> Table:
+    from robotball.files.records import READERS  # late: few files are such
+
+    columns = dict(_columns(READERS[suffix](file)))
+    _check_size(sum(column.nbytes for column in columns.values()))
+    if not columns:
+        raise InputError("the file holds no numbers")
+    return Table(columns, {}, {RECORDS: "true"})
 
 
 def _read_npz(file: BinaryIO) -> Table:

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from robotball.errors import LARGEST, InputError, named
+from robotball.errors import LARGEST, InputError, named, unknown
 from robotball.files import as_path
-from robotball.files.columns import Table, read_table, write_table
+from robotball.files.columns import RECORDS, Table, read_table, write_table
 from robotball.files.scene_writer import toml_of
 from robotball.robot.ball import Value, read_only
 from robotball.robot.scene import Scene
@@ -30,22 +30,30 @@ Units = dict[str, float]  # each unit in SI units
 # the names of arrays (n, k), whose columns an NPZ holds as name.0, name.1, …
 _NAMES = {
     ("x", "y", "z"): (
-        "* p* pos* *pos position* poseposition*",
+        "* p* pos* *pos position* pose* poseposition* translation*",
         "position positions pos xyz contactpoint",
     ),
     ("qw", "qx", "qy", "qz"): (
-        "q* quat* quaternion* orientation* rot* poseorientation*",
+        "q* quat* quaternion* orientation* rot* rotation* poseorientation*",
         "attitude quaternion quat q orientation",
     ),
     ("wx", "wy", "wz"): (
-        "w* omega* angvel* angularvelocity* gyro* ω* twistangular*",
-        "angularvelocity omega w angvel",
+        "w* omega* angvel* angularvelocity* gyro* gyroscope* ω* twistangular*",
+        "angularvelocity omega w angvel gyro",
     ),
     ("Mx", "My", "Mz"): ("m* momentum*", "momentum m"),
+    ("ax", "ay", "az"): (
+        "a* acc* accel* accelerometer* linearacceleration*",
+        "accelerometer accel acc",
+    ),
 }
+_ANGLES = ("roll", "pitch", "yaw")
 _ALIASES = {
     **dict.fromkeys(["t", "time", "times", "timestamp", "stamp", "sec", "seconds", "simtime"], "t"),
+    **dict.fromkeys(["secs", "stampsec", "stampsecs", "headerstamp", "logtime", "rostime"], "t"),
+    **dict.fromkeys(["nanosec", "nsecs", "stampnanosec", "stampnsecs", "nanoseconds"], "nanosec"),
     **{"contactx": "x", "contacty": "y", "height": "z"},
+    **{kind + angle: angle for angle in _ANGLES for kind in ("", "euler", "orientation")},
     **{
         alias: name
         for names, (columns, arrays) in _NAMES.items()
@@ -58,12 +66,28 @@ LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 TAU = 2 * np.pi
 RATES = {"rad/s": 1.0, "1/s": 1.0, "deg/s": TAU / 360, "rpm": TAU / 60, "rev/s": TAU}
+DEGREES = {"rad": 1.0, "deg": TAU / 360, "rev": TAU, "°": TAU / 360}
 # A quaternion has no unit; momentum must be in kg m²/s.
 _UNITS = {"t": _TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("wx", "wy", "wz"), RATES)}
-_UNIT_ALIASES = {"°/s": "deg/s", "µm": "um", "μm": "um", "rad/sec": "rad/s", "rad s^-1": "rad/s"}
+_UNITS |= {"nanosec": {"ns": 1.0}, **dict.fromkeys(_ANGLES, DEGREES)}
+_UNITS |= {name: {} for name in ("qw", "qx", "qy", "qz", "Mx", "My", "Mz")}
+_UNIT_ALIASES = {
+    "°/s": "deg/s",
+    "µm": "um",
+    "μm": "um",
+    "rad/sec": "rad/s",
+    "rad s^-1": "rad/s",
+    "degrees": "deg",
+}
 _NOT_UNIT = 0.02  # deviation from unit length above which a quaternion is refused
 _SINGLE_PRECISION = 1e-6  # deviation from unit length below which no note is given
 _NO_UNIT = ("", "-", "1")
+_LETTERS = 2  # of the end of a title, which are too few to recognize it
+_EPOCH = (1e9, 4e9)  # s, time stamps of the years 2001 to 2096
+_APART = 2.0  # s, largest interval of rows with such time stamps
+# Least median intervals of whole numbers that count these: 1 to 200 Hz for ms, 1 kHz for µs.
+_TICKS = {"ns": 9e5, "us": 9e2, "ms": 5.0}
+_MANY = 1000  # readings, of which whole seconds would take a quarter of an hour
 
 
 @dataclass(frozen=True)
@@ -227,7 +251,7 @@ class Trajectory(Value):
     notes: tuple[str, ...] = ()
 
 
-def read_trajectory(path: str | Path) -> Trajectory:
+def read_trajectory(path: str | Path, names: Mapping[str, str] | None = None) -> Trajectory:
     """Read a trajectory written by any simulator.
 
     The file needs time and position, and attitude for all but its path. Many column names and units
@@ -236,7 +260,10 @@ def read_trajectory(path: str | Path) -> Trajectory:
     Parameters
     ----------
     path : str or Path
-        A CSV, NPZ or Parquet file.
+        A CSV, NPZ, Parquet, JSON lines or MATLAB file, or a ROS bag.
+    names : mapping of str to str, optional
+        Our names of columns by their titles in the file, or the ends of these, such as
+        {"base.px": "x [mm]"}.
 
     Returns
     -------
@@ -260,16 +287,20 @@ def read_trajectory(path: str | Path) -> Trajectory:
     path = as_path("a trajectory", path)
     table = read_table(path)
     with named(path):
-        return _trajectory_of(table, path.name)
+        return _trajectory_of(table, path.name, names or {})
 
 
-def _trajectory_of(table: Table, name: str) -> Trajectory:
-    columns, others, notes = recognized(table, {})
+def _trajectory_of(table: Table, name: str, names: Mapping[str, str]) -> Trajectory:
+    found = recognized(table, {}, names)
+    columns = found.columns
     missing = [column for column in _NEEDED if column not in columns]
     if missing:
         there, needed = ", ".join(table.columns) or "none", "t,x,y and qw,qx,qy,qz"
         line = f"missing columns {','.join(missing)}; the file has {there}, needed are {needed}"
-        raise InputError(line)
+        raise InputError(f"{line}; --map TITLE={missing[0]} names one")
+    if table.header.get(RECORDS):  # a topic has its own times
+        whole = np.isfinite(np.stack([*columns.values()])).all(axis=0)
+        columns = {column: values[whole] for column, values in columns.items()}
     for column, values in columns.items():
         _check_finite(column, values, columns["t"])
     times = columns["t"]
@@ -287,49 +318,140 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
         attitude=attitude,
         angular_velocity=together(columns, ("wx", "wy", "wz")),
         momentum=together(columns, ("Mx", "My", "Mz")),
-        others=others,
+        others=found.others,
         header=table.header,
-        notes=(*notes, *rounded),
+        notes=(*found.notes, *rounded),
     )
 
 
-def recognized(
-    table: Table, more: dict[str, Units]
-) -> tuple[dict[str, Array], dict[str, Array], list[str]]:
-    """Return the recognized columns by our names in SI units, the others by title, and notes.
+@dataclass(frozen=True)
+class Recognized:
+    """Columns by our names in SI units, other columns by title, and a note for each conversion.
 
-    more: the units of further columns, which are recognized by these names alone.
+    titles, units: of `columns` in the file; a unit is "" if the file names none.
     """
-    columns: dict[str, Array] = {}
-    units: dict[str, str] = {}
-    others: dict[str, Array] = {}
-    titles: dict[str, str] = {}  # of `columns`
-    for title, column in table.columns.items():
-        name, unit = _parsed(title)
-        if name is None and _without_unit(title)[0] in more:
-            name, unit = _without_unit(title)
-        if name is None:
-            others[title] = read_only(column)
+
+    columns: dict[str, Array]
+    titles: dict[str, str]
+    units: dict[str, str]
+    others: dict[str, Array]
+    notes: list[str]
+
+
+def recognized(table: Table, more: dict[str, Units], names: Mapping[str, str]) -> Recognized:
+    """Return the recognized columns of a table.
+
+    more: the units of further columns, which are recognized by these names alone; names: our names
+    of columns, by their titles in the file or the ends of these. Raises InputError if a title or a
+    name is unknown, or two columns stand for the same.
+    """
+    known = _UNITS | more
+    renamed = {_title_of(old, table): new for old, new in names.items()}
+    for new in map(_without_unit, renamed.values()):
+        if new[0] not in known:
+            raise unknown("column of a log", new[0], known)
+    found: dict[str, tuple[int, str, str | None]] = {}  # rank, title and unit by our name
+    for title in table.columns:
+        rank, name, unit = (
+            (0, *_without_unit(renamed[title])) if title in renamed else _parsed(title, known)
+        )
+        if name is None or (name in found and found[name][0] < rank):
             continue
-        if name in columns:
-            raise InputError(f"{titles[name]!r} and {title!r} both stand for the column {name}")
-        columns[name], titles[name] = column, title
-        units[name] = unit or table.units.get(title, "")
-    return columns, others, _made_si(columns, units, _UNITS | more)
+        if name in found and found[name][0] == rank:
+            raise InputError(
+                f"{found[name][1]!r} and {title!r} both stand for the column {name}: choose one "
+                f"with --map {title}={name}"
+            )
+        found[name] = rank, title, unit
+    units = {name: unit or table.units.get(title, "") for name, (_, title, unit) in found.items()}
+    titles = {name: title for name, (_, title, _) in found.items()}
+    columns = {name: table.columns[title] for name, title in titles.items()}
+    others = {
+        t: read_only(column) for t, column in table.columns.items() if t not in titles.values()
+    }
+    notes = [] if "t" not in columns else _timed(columns, units)
+    notes = [*_made_si(columns, units, known), *notes, *_attitude_of_angles(columns, units)]
+    if "t" in columns and columns["t"][0] >= _EPOCH[0]:
+        columns["t"], note = from_first(columns["t"])
+        notes.append(note)
+    return Recognized(columns, titles, units, others, notes)
 
 
-def _parsed(title: str) -> tuple[str | None, str | None]:
-    """Return (name, unit) of a column title such as `x`, `x [mm]`, `x_mm`, `pos.x (mm)`."""
+def _title_of(end: str, table: Table) -> str:
+    """Return the title of a column that is `end`, or the only one that ends with it."""
+    titles = [t for t in table.columns if t == end or t.endswith((f"/{end}", f".{end}"))]
+    if end not in titles and len(titles) != 1:
+        raise unknown("column of the file", end, titles or table.columns)
+    return end if end in titles else titles[0]
+
+
+def _timed(columns: dict[str, Array], units: dict[str, str]) -> list[str]:
+    """Add nanoseconds to the times in place, and convert times without a unit by their size."""
+    times, fraction = columns["t"], columns.pop("nanosec", None)
+    whole = bool((times == np.round(times)).all())
+    if fraction is not None and whole and (fraction < 1e9).all():
+        columns["t"] = times + 1e-9 * fraction
+        return []
+    if units["t"] not in _NO_UNIT or len(times) < 2 or not np.abs(times).max() <= LARGEST:
+        return []
+    step = float(np.median(np.diff(times)))
+    epoch = [(u, _TIMES[u]) for u in ("s", "ms", "us", "ns") if step * _TIMES[u] <= _APART]
+    of_epoch = (u for u, si in epoch if _EPOCH[0] <= times[0] * si <= _EPOCH[1])
+    of_ticks = (u for u, least in _TICKS.items() if whole and step >= least)
+    unit = next(of_epoch, "") or next(of_ticks, "ms" if whole and len(times) > _MANY else "s")
+    if unit == "s":
+        return []
+    columns["t"] = times * _TIMES[unit]
+    return [f"t has no unit; it is read as {unit}, as it begins {times[0]:.15g}, {times[1]:.15g}"]
+
+
+def from_first(times: Array) -> tuple[Array, str]:
+    """Return times that count from the first row, and a note that says so."""
+    return times - times[0], f"t is counted from the first row, at {times[0]:.12g} s in the file"
+
+
+def _attitude_of_angles(columns: dict[str, Array], units: Mapping[str, str]) -> list[str]:
+    """Replace roll about X, pitch about Y and yaw about Z, the last, with a quaternion."""
+    there = [name for name in _ANGLES if name in columns]
+    angles = np.array([columns.pop(name) for name in there])
+    if len(there) < len(_ANGLES) or "qw" in columns:
+        return [f"{', '.join(there)}: not used, as an attitude needs all three"] if there else []
+    from scipy.spatial.transform import Rotation  # late: it takes a tenth of a second
+
+    unit = "rad"
+    if (
+        not any(units[name] for name in _ANGLES)
+        and np.abs(np.nan_to_num(angles[1])).max() > TAU / 4
+    ):
+        angles, unit = angles * DEGREES["deg"], "deg, as pitch exceeds π/2"
+    turns = Rotation.from_euler("ZYX", np.nan_to_num(angles)[::-1].T).as_quat()
+    turns[~np.isfinite(angles).all(axis=0)] = np.nan
+    columns.update(zip(("qx", "qy", "qz", "qw"), turns.T, strict=True))
+    return [f"roll, pitch, yaw: read as rotations about X, Y and then Z, in {unit}"]
+
+
+def _parsed(title: str, known: Mapping[str, Units]) -> tuple[int, str | None, str | None]:
+    """Return (rank, name, unit) of a title such as `x`, `x [mm]`, `x_mm`, `odom/pose.position.x`.
+
+    rank: 1 for a whole title, 2 for its last parts.
+    """
     bare, unit = _without_unit(title)
-    name = _ALIASES.get(_plain(bare))
-    if name is None and "_" in bare:
-        first, _, last = bare.rpartition("_")
-        name = _ALIASES.get(_plain(first))
-        # `x_mm` is x in mm, but `x_error` is another column.
-        if name is None or _unit_name(last) not in _UNITS.get(name, {}):
-            return None, None
-        unit = last
-    return name, unit
+    if bare in known:
+        return 1, bare, unit
+    parts = re.split(r"[./]", bare)
+    ends = [".".join(parts[i:]) for i in range(len(parts))]
+    for end in ends:
+        if end is not bare and len(end) <= _LETTERS:
+            break  # `linear.x` is no position
+        name = _ALIASES.get(_plain(end))
+        if name is None and "_" in end:
+            first, _, last = end.rpartition("_")
+            # `x_mm` is x in mm, but `x_error` is another column.
+            if _unit_name(last) in known.get(_ALIASES.get(_plain(first), ""), {}):
+                name, unit = _ALIASES[_plain(first)], last
+        if name in known:
+            return 1 + (end is not bare), name, unit
+    return 3, None, None
 
 
 def _without_unit(title: str) -> tuple[str, str | None]:
@@ -353,8 +475,11 @@ def _made_si(
     changed: dict[str, list[str]] = {}
     for name, known in units_of.items():
         unit = _unit_name(units.get(name, ""))
-        if unit in _NO_UNIT:
+        if unit in _NO_UNIT or name not in columns or not known:
             continue  # a column without a unit is in SI units
+        size = re.fullmatch(r"([\d.]+(?:e[+-]?\d+)?) (.+)", unit)  # of one count: 0.061 deg/s
+        if size and _unit_name(size[2]) in known:
+            known = known | {unit: float(size[1]) * known[_unit_name(size[2])]}
         if unit not in known:
             raise InputError(f"{name} is in {unit!r}; it can be in {', '.join(known)}")
         if known[unit] != 1.0:

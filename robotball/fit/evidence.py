@@ -4,16 +4,21 @@ Standard deviations come from the linearised residuals; large ones are checked a
 Undetermined combinations are the directions in which the unknowns can move far.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import groupby
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.special import chdtrc, fdtrc  # scipy.stats takes a quarter second to import
 
 from robotball.fit.logs import Log
-from robotball.fit.residuals import Residuals, Unknown, of_circumstance
+from robotball.fit.residuals import ADDED, Change, Residuals, Unknown, of_circumstance
 from robotball.fit.sensing import circumstances_of, contradictions, stands_still
 from robotball.robot.ball import Value
+from robotball.robot.motors import Actuator, Law
+from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
 NO_EVIDENCE = 1e-3  # per unknown's size: a smaller derivative may be rounding
@@ -23,6 +28,11 @@ _CURVED = 0.02  # of an unknown's size: deviation above which nonlinearity is ch
 _FAR, _RISE = 3.0, 4.0  # deviations, and the rise of χ² that is required within them
 _UNLIMITED = 100.0  # of its size: increase of a friction, which then is not reached
 _AT_LIMIT = 1e-3  # of an unknown's size: distance that counts as being at a limit
+_MOVES = 0.01  # of an unknown's size: change by the next step that is reported
+_TRIED, _TRIALS, _ROUGHLY = 5, 30, 1e-2  # reasons that are fitted, trials, and their ftol
+_LARGEST = 100.0  # of a plausible amount: largest amount that is a reason
+_REMAINS = 0.1  # of χ² above its mean: largest part that a reason may leave
+_PROMISES = 0.5  # the same, of the linearised fit
 _SHARE = 0.15  # of a direction's largest component: smaller components are ignored
 SHOWN = 3.5  # deviations from 0 above which the readings show a circumstance
 _EXCLUDED = 2.0  # deviations above the best amount that the readings do not exclude
@@ -119,15 +129,18 @@ def strays(sensors: Sequence[SensorFit]) -> list[SensorFit]:
 
 
 def estimates_at(
-    residuals: Residuals, x: Array, J: Array
+    residuals: Residuals, x: Array, J: Array, complete: bool
 ) -> tuple[list[Estimate], Array, list[str]]:
     """Return the estimates, their covariance in units of their sizes, and what is undetermined.
 
-    x (p,), J (n, p): the solution and the derivative of the residuals there.
+    x (p,), J (n, p): the solution and the derivative of the residuals there; complete: whether it
+    is a minimum of χ².
     """
     ended = residuals.ended(residuals.values(x))
     slopes = residuals.slopes(x, ended)
-    covariance = _widened(slopes @ _covariance(J) @ slopes.T, slopes, x, residuals, ended)
+    covariance = slopes @ _covariance(J) @ slopes.T
+    if complete:
+        covariance = _widened(covariance, slopes, x, residuals, ended)
     freed = [i for i, unknown in enumerate(ended) if not unknown.of_start]
     covariance, unknowns = covariance[np.ix_(freed, freed)], [ended[i] for i in freed]
     names = [e.log.name for e in residuals.logs if stands_still({s.name: s for s in e.log.sensors})]
@@ -199,6 +212,20 @@ def _refitted(x: Array, hold: Array, residuals: Residuals) -> float:
     return min(before, chi2_of(residuals(x - step)))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a step may lead to an impossible body
+def moving(residuals: Residuals, x: Array, J: Array) -> Iterator[str]:
+    """Yield a line for each number that the next step of an unfinished fit would change."""
+    slope = np.concatenate([J, NO_EVIDENCE * np.eye(len(x))])
+    step = -np.linalg.lstsq(slope, np.concatenate([residuals(x), np.zeros(len(x))]))[0]
+    here, there = residuals.values(x), residuals.values(x + step)
+    for unknown, value, after in zip(residuals.unknowns, here, there, strict=True):
+        if not unknown.of_start and abs(after - value) > _MOVES * unknown.size:
+            yield (
+                f"{unknown.full_name} is still moving: it is {value:.4g} {unknown.unit}, and the "
+                f"next step leads to {min(max(after, unknown.low), unknown.high):.4g}"
+            )
+
+
 def at_limits(residuals: Residuals, x: Array) -> Iterator[str]:
     """Yield a line for each number of the scene that ended at one of its limits."""
     for unknown in residuals.ended(residuals.values(x)):
@@ -213,16 +240,14 @@ def influences(
     x: Array,
     J: Array,
     estimates: Sequence[Estimate],
-    probability: Callable[[float], float],
 ) -> Iterator[str]:
     """Yield a line for each circumstance that was not freed and may have biased an estimate.
 
     Each circumstance is added separately to the linearised fit. This gives its amount with a
     deviation, and the change of each estimate. It is reported if a plausible amount that the
-    readings do not exclude changes an estimate by more than its deviation. If the fit does not
-    explain the logs, only circumstances that would make it do so are reported.
+    readings do not exclude changes an estimate by more than its deviation.
 
-    x, J: as in `estimates_at`; estimates: of the scene's numbers; probability: of a value of χ².
+    x, J: as in `estimates_at`; estimates: of the scene's numbers.
     """
     names, plausible, others = zip(*_not_freed(residuals), strict=True)
     columns, left = residuals.of_others(x, others), residuals(x)
@@ -231,7 +256,6 @@ def influences(
     steps = -np.linalg.lstsq(slope, np.concatenate([columns, np.zeros((len(x), len(others)))]))[0]
     sizes = np.array([[unknown.size] for unknown in ended])
     moved = (sizes * (residuals.slopes(x, ended) @ steps))[: len(estimates)]  # per size
-    explained, squares = probability(chi2_of(left)) > _DOUBT, chi2_of(left)
     worst: dict[str, tuple[float, str]] = {}
     for i, column in enumerate((columns + J @ steps).T):
         deviation = 1 / max(float(np.linalg.norm(column)), NO_EVIDENCE)
@@ -245,8 +269,7 @@ def influences(
         ]
         j = int(np.argmax(ratios))
         slight = not shown and reach < _SLIGHT * plausible[i] / others[i].size
-        helps = explained or probability(squares - (amount / deviation) ** 2) > _DOUBT
-        if ratios[j] < 1 or slight or not helps:
+        if ratios[j] < 1 or slight:
             continue
         factor, unit = (100.0, "%") if others[i].unit == "1" else (1.0, others[i].unit)
         factor *= others[i].size
@@ -267,6 +290,84 @@ def influences(
         circumstance = others[i].of + names[i]
         worst[circumstance] = max(worst.get(circumstance, (0.0, "")), (ratios[j], line))
     yield from (line for _, line in sorted(worst.values(), reverse=True))
+
+
+def reason(residuals: Residuals, x: Array, J: Array, stray: SensorFit) -> str:
+    """Return the most probable reason for which a fit does not explain its logs.
+
+    The amounts of each candidate are added to the linearised fit (Rao's score test). Those that
+    promise the least χ² are fitted, until one explains the logs. stray: the least explained sensor.
+    """
+    left, slope = residuals(x), np.concatenate([J, NO_EVIDENCE * np.eye(len(x))])
+    before, count, tried = chi2_of(left), len(left), []
+    for title, others, change, limit in _candidates(residuals):
+        columns = residuals.of_others(x, others, change)
+        wide = np.concatenate([columns, np.zeros((len(x), len(others)))])
+        across = columns - J @ np.linalg.lstsq(slope, wide)[0]
+        amounts = np.linalg.lstsq(across, -left, _SLIGHT)[0]
+        promised = before + float(left @ across @ amounts) - count
+        possible = all(u.low < a * u.size < limit for a, u in zip(amounts, others, strict=True))
+        if possible and promised < _PROMISES * (before - count):
+            tried.append((promised, title, others, change, amounts))
+    for _, title, others, change, amounts in sorted(tried, key=lambda trial: trial[0])[:_TRIED]:
+        wider = residuals.with_unknowns(others, change)
+        low = np.append(x - np.inf, [u.low / u.size for u in others])
+        begins = [np.append(x, part * amounts) for part in (1.0, 0.3, 0.1, 0.03, 0.0)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            begin = min(begins, key=lambda begin: chi2_of(wider(begin)))
+            end = least_squares(
+                wider, begin, wider.jacobian, (low, np.inf), ftol=_ROUGHLY, max_nfev=_TRIALS
+            )
+        if (after := 2 * float(end.cost)) - count < _REMAINS * (before - count):
+            shown = ", ".join(f"{value:.2g}" for value in wider.values(end.x)[len(x) :].tolist())
+            falls = f"χ²/n falls from {before / count:.3g} to {after / count:.3g}"
+            return f"{title.format(shown)}; with it {falls}"
+    world = ", try --also world.origin,world.yaw" if stray.name == "position" else ""
+    return (
+        "not found: no resistance, rest position or clock explains the logs; check the unit and "
+        f"axes of {stray.name}{world}, and free more numbers"
+    )
+
+
+def _candidates(
+    residuals: Residuals,
+) -> Iterator[tuple[str, list[Unknown], Change | None, float]]:
+    """Yield (title, unknowns, change of the scene, largest amount) of each possible reason."""
+    for (log, name), group in groupby(_not_freed(residuals), lambda pair: (pair[2].of, pair[0])):
+        _, (plausible, *_), others = zip(*group, strict=True)
+        title = f"{log}{name} seems to be {{}} {others[0].unit}, not 0: add --also {name}"
+        yield title, [*others], None, _LARGEST * plausible
+    scene = residuals.logs[0].start
+    size, now = 1e-2 * scene.ball.radius, scene.friction.rolling
+    if all(unknown.name != "friction.rolling" for unknown in residuals.unknowns):
+        sum_ = f"{now:g} + " if now else ""
+        title = (
+            f"resistance: friction.rolling seems to be {sum_}{{}} m: add --free friction.rolling"
+        )
+        yield title, _added(residuals, size, -now), _resisted, np.inf
+    torque = size * scene.ball.mass * scene.gravity
+    for hinge in (hinge.name for hinge in scene.hinges if hinge.motor is not None):
+        for field, low, title in (
+            ("friction", 0.0, f"stiction: the scene lacks dry friction of {{}} N m on {hinge}"),
+            ("per_rate", 0.0, f"resistance: the scene lacks damping of {{}} N m s/rad on {hinge}"),
+            ("at_rest", -np.inf, f"{hinge} rests off zero: the scene lacks a torque of {{}} N m"),
+        ):
+            change = partial(_loaded, hinge=hinge, field=field)
+            yield title, _added(residuals, torque, low), change, np.inf
+
+
+def _added(residuals: Residuals, size: float, low: float) -> list[Unknown]:
+    return [Unknown(ADDED, 0.0, size, "", k, low=low) for k in range(len(residuals.logs))]
+
+
+def _resisted(scene: Scene, amount: float) -> Scene:
+    rolling = max(scene.friction.rolling + amount, 0.0)
+    return replace(scene, friction=replace(scene.friction, rolling=rolling))
+
+
+def _loaded(scene: Scene, amount: float, hinge: str, field: str) -> Scene:
+    law = Law(0.0, 0.0, 0.0)._replace(**{field: amount})
+    return replace(scene, actuators=(*scene.actuators, Actuator(" load", ((hinge, 1.0),), law)))
 
 
 def _not_freed(residuals: Residuals) -> Iterator[tuple[str, float, Unknown]]:
@@ -335,7 +436,7 @@ def sensor_fits(residuals: Residuals, x: Array, fitted: float) -> Iterator[Senso
             sensed.log.sensors, sensed.noise, sensed.estimated, differences, strict=True
         ):
             degrees = max(left.size * (1 - fitted), 1.0)
-            chi2 = chi2_of(residuals.counted(left / noise))
+            chi2 = chi2_of(left / noise)
             probability = probability_of(chi2, degrees, left.size, estimated)
             rms = float(np.sqrt((left**2).mean()))
             since = _since(sensor.times, left / noise) if probability < _DOUBT else None
@@ -355,9 +456,14 @@ def contradicting(logs: Sequence[Log], astray: Sequence[SensorFit]) -> Iterator[
     """Yield a line for each pair of contradictory sensors of a log, at least one of them astray."""
     names = {(sensor.log, sensor.name) for sensor in astray}
     for log in logs:
-        for pair in contradictions({sensor.name: sensor for sensor in log.sensors}):
+        for *pair, axes in contradictions({sensor.name: sensor for sensor in log.sensors}):
             if names & {(log.name, name) for name in pair}:
+                remedy = (
+                    f"the axes of {pair[0]} seem to be {axes}"
+                    if axes
+                    else ("check signs, units, axes and the order of the quaternion")
+                )
                 yield (
                     f"{pair[0]} and {pair[1]} of {log.name} contradict each other with any model: "
-                    "check signs, units, axes and the order of the quaternion"
+                    f"{remedy}"
                 )

@@ -4,11 +4,12 @@ Least squares over the unknowns of `residuals`; `evidence` evaluates the minimum
 the first part of each motion, because a wrong guess soon loses phase with the log.
 """
 
+import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -20,7 +21,6 @@ from robotball.fit.evidence import NO_EVIDENCE, Estimate, SensorFit, chi2_of
 from robotball.fit.first import first_values
 from robotball.fit.logs import Log, logs_of
 from robotball.fit.residuals import (
-    LOSSES,
     WHOLE,
     FittedLog,
     Residuals,
@@ -78,8 +78,12 @@ class Fit(Value):
         Pairs of sensors that contradict each other with any model, a line each.
     at_limits : tuple of str
         Numbers that ended at a limit, a line each.
+    reason : str
+        The most probable reason why the model does not explain the fitted logs; "" if it does.
     influences : tuple of str
         Circumstances that were not freed and may have biased a number, a line each.
+    moving : tuple of str
+        Numbers that the next step would change, a line each, if the fit did not converge.
     complete : bool
         Whether the fit converged to a minimum of χ².
 
@@ -108,7 +112,9 @@ class Fit(Value):
     undetermined: tuple[str, ...]
     contradictions: tuple[str, ...]
     at_limits: tuple[str, ...]
+    reason: str
     influences: tuple[str, ...]
+    moving: tuple[str, ...]
     complete: bool
 
     @property
@@ -129,10 +135,9 @@ def fit(
     *,
     circumstances: Sequence[str] = (),
     noise: Mapping[str, float] | None = None,
-    loss: str = "linear",
+    patience: float = np.inf,
     hold_out: int | None = None,
     run: Run | None = None,
-    minimize: Callable[..., Any] | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Fit:
     """Fit numbers of a scene to the logs of a robot.
@@ -153,15 +158,12 @@ def fit(
     noise : mapping of str to float, optional
         The standard deviation of each sensor's readings, in their unit. By default estimated from
         the readings.
-    loss : str, default "linear"
-        The loss of scipy's least squares: "linear", "soft_l1", "huber", "cauchy" or "arctan". The
-        others are robust against outliers.
+    patience : float, default inf
+        Time for the search [s]. Then the best values so far are returned.
     hold_out : int, optional
         The index of a log that is not fitted, but used to test the fit of the others.
     run : callable, optional
         Returns the motion of a scene at given times. By default the equations are integrated.
-    minimize : callable, optional
-        A replacement for scipy's `least_squares`.
     progress : callable, optional
         Called with the fraction of the logs that is fitted and χ² over the degrees of freedom.
 
@@ -186,8 +188,6 @@ def fit(
     >>> print(f"{result.found[0].value:.3f}")
     0.400
     """
-    if loss not in LOSSES:
-        raise unknown("loss", loss, LOSSES)
     numbers = numbers_of(scene).with_whole(
         [name.removesuffix(WHOLE) for name in free if name.endswith(WHOLE)]
     )
@@ -198,17 +198,16 @@ def fit(
         if name not in names:
             raise unknown("sensor of the logs", name, sorted(names))
     shared = of_scene(numbers, free, initial.ball.radius)
-    run, minimize = run or by_equations, minimize or least_squares
-    solve = partial(
-        _solved, numbers, circumstances=circumstances, run=run, loss=loss, minimize=minimize
-    )
+    run = run or by_equations
+    deadline = time.monotonic() + patience
+    solve = partial(_solved, numbers, circumstances=circumstances, run=run, deadline=deadline)
     sensed = [first_values(initial, log, noise or {}, circumstances) for log in logs]
     fitted = [log for k, log in enumerate(sensed) if k != hold_out]
     if not fitted:
         raise InputError("no log to fit: add a log, or hold out none")
     x, residuals, J, complete = solve(shared, fitted, progress=progress)
     left = residuals(x)
-    estimates, covariance, undetermined = evidence.estimates_at(residuals, x, J)
+    estimates, covariance, undetermined = evidence.estimates_at(residuals, x, J, complete)
     found = tuple(estimates[: len(shared)])
     sensors = [*evidence.sensor_fits(residuals, x, len(x) / len(left))]
     held_out: list[SensorFit] = []
@@ -230,6 +229,14 @@ def fit(
         count=len(left),
         estimated=any(flag for log in fitted for flag in log.estimated),
     )
+    strays = evidence.strays(sensors)
+    contradictions = tuple(evidence.contradicting(logs, evidence.strays([*sensors, *held_out])))
+    reason = contradictions[0] if strays and contradictions else ""
+    if strays and not contradictions and run is by_equations:  # engines take minutes
+        residuals.deadline = deadline
+        with suppress(TimeoutError):
+            reason = evidence.reason(residuals, x, J, strays[0])
+        residuals.deadline = np.inf
     return Fit(
         scene=fitted_scene,
         text=numbers.text({estimate.name: estimate.value for estimate in found}, fitted_scene),
@@ -242,9 +249,11 @@ def fit(
         sensors=tuple(sensors),
         held_out=tuple(held_out),
         undetermined=tuple(undetermined),
-        contradictions=tuple(evidence.contradicting(logs, evidence.strays([*sensors, *held_out]))),
+        contradictions=contradictions,
         at_limits=tuple(evidence.at_limits(residuals, x)),
-        influences=tuple(evidence.influences(residuals, x, J, found, probability)),
+        reason=reason,
+        influences=() if strays else tuple(evidence.influences(residuals, x, J, found)),
+        moving=() if complete else tuple(evidence.moving(residuals, x, J)),
         complete=complete,
     )
 
@@ -255,8 +264,7 @@ def _solved(
     logs: Sequence[FittedLog],
     circumstances: Sequence[str],
     run: Run,
-    loss: str,
-    minimize: Callable[..., Any],
+    deadline: float,
     progress: Callable[[float, float], None] | None = None,
     fixed: Mapping[str, float] | None = None,
 ) -> tuple[Array, Residuals, Array, bool]:
@@ -270,46 +278,54 @@ def _solved(
         np.array([(getattr(u, side) - u.value) / u.size for u in unknowns])
         for side in ("low", "high")
     )
-    for part in _PARTS:
-        residuals = Residuals(
-            numbers, unknowns, [e.until(part) for e in logs], run, loss, fixed or {}
-        )
-        if part == _PARTS[0]:
-            x = begin = _with_resistance(residuals, x, low, high)
+    of_part = partial(Residuals, numbers, unknowns, run=run, fixed=fixed or {})
+    try:
+        for part in _PARTS:
+            residuals = of_part([log.until(part) for log in logs], deadline=deadline)
+            if part == _PARTS[0]:
+                x = begin = _with_resistance(residuals, x, low, high)
+            if not np.isfinite(residuals(x)).all():
+                x = begin  # the shorter part may have led to a motion that ends early
+            if not np.isfinite(first := residuals(x)).all():
+                _raise_cause(residuals, x, run)
+            # A part of the logs may hardly constrain an unknown, which must not run away.
+            prior = np.where(of_scene_, 1 / _PRIOR if part < 1 else NO_EVIDENCE, _HARDLY)
+            with_prior = partial(_with_prior, residuals=residuals, prior=prior, begin=begin)
+            # A trial may lead to an impossible body.
+            jacobian = partial(_jacobian_with_prior, residuals=residuals, prior=prior)
+            ftol = _NO_GAIN / len(first) if part == 1 else _ROUGHLY
+            solve = partial(least_squares, with_prior, jac=jacobian, bounds=(low, high))
+            solve = partial(solve, ftol=ftol, max_nfev=_MOST_TRIALS)
+            with np.errstate(over="ignore", invalid="ignore"):
+                x = solve(x).x
+                # A friction that no motion reaches has no effect, so a lower one is tried.
+                lower = x.copy()
+                for j, need in residuals.needs(x).items():
+                    if need < _REACHED * residuals.values(x)[j]:
+                        lower[j] = (_LOWERED * need - unknowns[j].value) / unknowns[j].size
+                if (lower < x).any() and (lower >= low).all():
+                    x = min(x, solve(lower).x, key=lambda end: chi2_of(with_prior(end)))
+            if progress is not None:
+                progress(part, chi2_of(with_prior(x)) / len(first))
+        for _ in range(_LAST_STEPS):
+            J, left = residuals.jacobian(x, central=True), with_prior(x)
+            step = -np.linalg.lstsq(np.concatenate([J, np.diag(prior)]), left)[0]
+            ends = [np.clip(x + part * step, low, high) for part in _FRACTIONS]
+            nearest = min(ends, key=lambda end: chi2_of(with_prior(end)))
+            if (gain := chi2_of(left) - chi2_of(with_prior(nearest))) > 0:
+                x = nearest
+            # Not judged by the predicted gain: rounding in J produces false slopes along a valley.
+            if gain < _SHORT:
+                break
+    except TimeoutError:
+        x = residuals.best[1] if np.isfinite(residuals.best[0]) else x
+        residuals = of_part(logs)
         if not np.isfinite(residuals(x)).all():
-            x = begin  # the shorter part may have led to a motion that ends early
-        if not np.isfinite(first := residuals(x)).all():
+            x = begin
+        if not np.isfinite(residuals(x)).all():
             _raise_cause(residuals, x, run)
-        # A part of the logs may hardly constrain an unknown, which must not run away.
-        prior = np.where(of_scene_, 1 / _PRIOR if part < 1 else NO_EVIDENCE, _HARDLY)
-        with_prior = partial(_with_prior, residuals=residuals, prior=prior, begin=begin)
-        # A trial may lead to an impossible body.
-        jacobian = partial(_jacobian_with_prior, residuals=residuals, prior=prior)
-        ftol = _NO_GAIN / len(first) if part == 1 else _ROUGHLY
-        solve = partial(
-            minimize, with_prior, jac=jacobian, bounds=(low, high), ftol=ftol, max_nfev=_MOST_TRIALS
-        )
-        with np.errstate(over="ignore", invalid="ignore"):
-            x = solve(x).x
-            # A friction that no motion reaches has no effect, so a lower one is tried.
-            lower = x.copy()
-            for j, need in residuals.needs(x).items():
-                if need < _REACHED * residuals.values(x)[j]:
-                    lower[j] = (_LOWERED * need - unknowns[j].value) / unknowns[j].size
-            if (lower < x).any() and (lower >= low).all():
-                x = min(x, solve(lower).x, key=lambda end: chi2_of(with_prior(end)))
-        if progress is not None:
-            progress(part, chi2_of(with_prior(x)) / len(first))
-    for _ in range(_LAST_STEPS):
-        J, left = residuals.jacobian(x, central=True), with_prior(x)
-        step = -np.linalg.lstsq(np.concatenate([J, np.diag(prior)]), left)[0]
-        ends = [np.clip(x + part * step, low, high) for part in _FRACTIONS]
-        nearest = min(ends, key=lambda end: chi2_of(with_prior(end)))
-        if (gain := chi2_of(left) - chi2_of(with_prior(nearest))) > 0:
-            x = nearest
-        # Not judged by the predicted gain: rounding in J produces false slopes along a valley.
-        if gain < _SHORT:
-            break
+        return x, residuals, residuals.jacobian(x), False
+    residuals.deadline = np.inf  # for the evidence
     return x, residuals, J, gain < _SHORT
 
 

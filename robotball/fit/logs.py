@@ -16,11 +16,13 @@ from robotball.errors import LARGEST, InputError, named
 from robotball.files import as_path
 from robotball.files.columns import VALUES, Table, read_table
 from robotball.files.trajectories import (
+    DEGREES,
     LENGTHS,
     RATES,
-    TAU,
+    Recognized,
     Units,
     check_increasing,
+    from_first,
     recognized,
     to_unit,
     together,
@@ -38,18 +40,21 @@ _SENSORS = {
 }
 _OF_HINGES = ("angle", "rate", "torque", "current")
 _COMMAND = "command"
+_G = 9.80665  # m/s²
 # By the last word of a sensor's name.
 _UNITS: dict[str, Units] = {
     "position": LENGTHS,
     "attitude": {"1": 1.0},
     "gyro": RATES,
-    "accelerometer": {"m/s²": 1.0, "m/s^2": 1.0, "g": 9.80665},
-    "angle": {"rad": 1.0, "deg": TAU / 360, "rev": TAU, "°": TAU / 360},
+    "accelerometer": {"m/s²": 1.0, "m/s^2": 1.0, "g": _G},
+    "angle": DEGREES,
     "rate": RATES,
     "torque": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "N·m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
     "current": {"A": 1.0, "mA": 1e-3},
 }
 _COMMANDS: Units = dict.fromkeys(VALUES, 1.0)  # units that need no conversion
+# Largest readings that are plausible without a unit, 4000 deg/s and 40 g; their unit, another unit.
+_MOST = {"gyro": (70.0, "rad/s", "deg/s"), "accelerometer": (400.0, "m/s²", "g")}
 _FEWEST = 4  # readings of a sensor; estimating its noise takes more
 _SPARSEST = 30.0  # largest mean interval of readings, in units of √(radius/gravity)
 
@@ -116,16 +121,21 @@ class Log(Value):
         return max(float(sensor.times[-1]) for sensor in self.sensors)
 
 
-def read_log(path: str | Path, scene: Scene | str | Path) -> Log:
+def read_log(
+    path: str | Path, scene: Scene | str | Path, names: Mapping[str, str] | None = None
+) -> Log:
     """Read the log of a robot.
 
     Parameters
     ----------
     path : str or Path
-        A CSV, NPZ or Parquet file with a time column and columns of any sensors.
+        A CSV, NPZ, Parquet, JSON lines or MATLAB file or a ROS bag, with times and any sensors.
     scene : Scene, str or Path
         The robot, for the names of its hinges: a scene, a catalog name, or the path of a TOML, MJCF
         or URDF file.
+    names : mapping of str to str, optional
+        Our names of columns by their titles in the file, or the ends of these, such as
+        {"roll_joint.position": "frame_angle [deg]"}.
 
     Returns
     -------
@@ -149,7 +159,7 @@ def read_log(path: str | Path, scene: Scene | str | Path) -> Log:
     path, scene = as_path("a log", path), scene_of(scene)
     table = read_table(path, gaps=True)
     with named(path):
-        return _log_of(table, path.name, scene)
+        return _log_of(table, path.name, scene, names or {})
 
 
 def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -> list[Log]:
@@ -158,19 +168,27 @@ def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -
     return [log if isinstance(log, Log) else read_log(log, scene) for log in several]
 
 
-def _log_of(table: Table, name: str, scene: Scene) -> Log:
+def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> Log:
     columns_of = _columns_of(scene)
     motors = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
     motors |= {actuator.name: True for actuator in scene.actuators}
     units = dict.fromkeys((f"{motor}_{_COMMAND}" for motor in motors), _COMMANDS)
     for sensor, needed in columns_of.items():
         units |= dict.fromkeys(needed, _UNITS[sensor.rpartition("_")[2]])
-    columns, _, notes = recognized(table, units)
+    found = recognized(table, units, names)
+    columns, notes = found.columns, found.notes
     if "t" not in columns:
         raise InputError(f"no column of times; the file has {', '.join(table.columns)}")
     times = columns["t"]
+    for sensor, needed in columns_of.items():
+        if (kind := sensor.rpartition("_")[2]) in _MOST and all(c in columns for c in needed):
+            notes += _check_unit(found, needed, *_MOST[kind], scene)
     if not np.isfinite(times).all():
         raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row; every row needs a time")
+    # A scene without changes in time may begin at any time.
+    if times[0] > (0.0 if scene.steady else scene.duration):
+        times, note = from_first(times)
+        notes.append(note)
     check_increasing(times)
     sensors = tuple(_sensors(columns, times, columns_of))
     if not sensors:
@@ -178,7 +196,7 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
         titles += [f"{scene.hinges[0].name}_{kind}" for kind in _OF_HINGES]
         raise InputError(
             f"no sensor; the file has {', '.join(table.columns)}; known columns are "
-            f"{', '.join(titles)}, and the same for each hinge"
+            f"{', '.join(titles)}, and the same for each hinge; --map TITLE=COLUMN names others"
         )
     _check_dense(sensors, scene)
     commands = {}
@@ -198,6 +216,33 @@ def _log_of(table: Table, name: str, scene: Scene) -> Log:
     return Log(name, sensors, commands, tuple(notes))
 
 
+def _check_unit(
+    found: Recognized, names: tuple[str, ...], most: float, unit: str, other: str, scene: Scene
+) -> list[str]:
+    """Convert accelerations in g, which then have a note.
+
+    Raises InputError for readings without a unit that no sensor has, such as raw counts.
+    """
+    values = np.array([found.columns[name] for name in names])
+    values = values[:, np.isfinite(values).all(axis=0)]
+    if any(found.units[name] for name in names) or not values.size:
+        return []
+    if other == "g" and 0.5 < np.median(np.linalg.norm(values, axis=0)) < 1.5 < scene.gravity:
+        for name in names:
+            found.columns[name] = found.columns[name] * _G
+        return [f"{', '.join(names)}: converted from g, as the readings are about 1"]
+    axes = np.abs(values).max(axis=1)
+    if (largest := float(axes.max())) <= most:
+        return []
+    name, whole = names[int(axes.argmax())], np.array_equal(values, np.round(values))
+    title = found.titles[name]
+    raise InputError(
+        f"{title} reaches {largest:g}, but sensors measure at most {most:g} {unit}: "
+        f"{'raw counts' if whole else 'another unit'}? Name the unit of each axis, as in --map "
+        f"'{title}={name} [{other}]', or the size of a count, as in '{title}={name} [0.01 {other}]'"
+    )
+
+
 def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
     most = max(len(sensor.times) for sensor in sensors)
     end = max(sensor.times[-1] for sensor in sensors)
@@ -205,8 +250,8 @@ def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
     if end / most > _SPARSEST * falls:
         raise InputError(
             f"{most} readings until t = {end:.6g} s are one per {end / most:.3g} s; at least one "
-            f"per {_SPARSEST * falls:.2g} s is needed; check t, which must be in s and count from "
-            "the scene's start"
+            f"per {_SPARSEST * falls:.2g} s is needed; name the unit of the times, as in "
+            "--map 't=t [ms]'"
         )
 
 

@@ -5,6 +5,7 @@ motion and circumstances such as a gyro bias. Residuals are (reading - model)/no
 are finite differences.
 """
 
+import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -25,15 +26,9 @@ from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, turned
 
 Run = Callable[[Scene, Array], Motion]
+Change = Callable[[Scene, float], Scene]
+ADDED = "added"  # an unknown that changes the scene
 FIRST = 5  # readings, whose median gives the initial state
-# Losses by scipy's names, as functions of the squared residual.
-LOSSES: Mapping[str, Callable[[Array], Array]] = {
-    "linear": lambda z: z,
-    "soft_l1": lambda z: 2 * (np.sqrt(1 + z) - 1),
-    "huber": lambda z: np.where(z <= 1, z, 2 * np.sqrt(z) - 1),
-    "cauchy": np.log1p,
-    "arctan": np.arctan,
-}
 # Tolerance of the equations. On five robots over 3 to 10 s, readings are off by at most 5e-8 of the
 # largest one; with 1e-9 by 2e-4, because they are interpolated within long steps.
 _RTOL = 1e-11
@@ -258,7 +253,8 @@ def of_circumstance(fitted: FittedLog, at: int, name: str) -> Iterator[Unknown]:
 class Residuals:
     """Residuals of logs as a function of the unknowns x (p,), in units of their sizes.
 
-    fixed: further numbers of the scene that differ from its file.
+    fixed: further numbers of the scene that differ from its file; deadline: on the monotonic clock
+    [s], after which a motion raises TimeoutError. `best` is the least χ² so far, with its x.
     """
 
     def __init__(
@@ -267,11 +263,12 @@ class Residuals:
         unknowns: Sequence[Unknown],
         logs: Sequence[FittedLog],
         run: Run,
-        loss: str,
         fixed: Mapping[str, float],
+        deadline: float = np.inf,
     ) -> None:
         self.numbers, self.unknowns, self.logs, self.run = numbers, unknowns, logs, run
-        self.loss, self.fixed = loss, fixed
+        self.change: Change | None = None
+        self.fixed, self.deadline, self.best = fixed, deadline, (np.inf, np.empty(0))
         self._motion = lru_cache(maxsize=2 * len(logs) + 2)(self._run)
         # Most unknowns belong to initial states: one scene with the shared numbers serves many.
         self._shared_scene = lru_cache(maxsize=len(unknowns) + 2)(
@@ -332,6 +329,8 @@ class Residuals:
         for i, axis in enumerate("xyz"):
             momentum[i] += of_log.get(f"start.momentum.{axis}", 0.0)
         slip = np.array([of_log.get(f"start.slip.{axis}", 0.0) for axis in "xyz"])
+        if self.change is not None:
+            scene = self.change(scene, of_log[ADDED])
         return replace(scene, start=Start(turned(initial.attitude, turn), momentum, slip))
 
     def log_values(self, k: int, values: Array) -> dict[str, Array]:
@@ -351,6 +350,8 @@ class Residuals:
 
     def _run(self, k: int, key: tuple[float, ...]) -> tuple[Motion, list[Rows]] | None:
         """Return a log's motion and the rows that each sensor reads, or None if it fails."""
+        if time.monotonic() > self.deadline:
+            raise TimeoutError
         values = np.array([u.value for u in self.unknowns])
         values[self._moving[k]] = key
         with warnings.catch_warnings():
@@ -400,11 +401,7 @@ class Residuals:
 
     def _weighed(self, k: int, differences: list[Array]) -> Array:
         pairs = zip(differences, self.logs[k].noise, strict=True)
-        return self.counted(np.concatenate([(left / noise).ravel() for left, noise in pairs]))
-
-    def counted(self, left: Array) -> Array:
-        """Return residuals whose squares equal the loss of the given ones."""
-        return np.copysign(np.sqrt(LOSSES[self.loss](left**2)), left)
+        return np.concatenate([(left / noise).ravel() for left, noise in pairs])
 
     def _by_motion(self, k: int, at: tuple[float, ...]) -> dict[int, Array]:
         """Return the derivatives (n,) of a log's residuals by unknowns that affect its motion."""
@@ -444,7 +441,10 @@ class Residuals:
 
     def __call__(self, x: Array) -> Array:
         """Return the residuals (n,) over their noise; inf without a motion."""
-        return np.concatenate([self._part(k, x) for k in range(len(self.logs))])
+        left = np.concatenate([self._part(k, x) for k in range(len(self.logs))])
+        with np.errstate(over="ignore"):
+            self.best = min(self.best, (float(left @ left), x.copy()), key=lambda pair: pair[0])
+        return left
 
     def jacobian(self, x: Array, central: bool = False) -> Array:
         """Return the derivative (n, p) of the residuals.
@@ -469,10 +469,20 @@ class Residuals:
         possible = [side for side in sides if np.isfinite(side).all()]
         return np.asarray(np.mean(possible, axis=0)) if possible else np.zeros(len(before))
 
-    def of_others(self, x: Array, others: Sequence[Unknown]) -> Array:
+    def with_unknowns(self, others: Sequence[Unknown], change: Change | None) -> "Residuals":
+        """Return the residuals with further unknowns after the others.
+
+        change: of the scene, by the value of an unknown `ADDED`.
+        """
+        wider = Residuals(
+            self.numbers, [*self.unknowns, *others], self.logs, self.run, self.fixed, self.deadline
+        )
+        wider.change = change
+        return wider
+
+    def of_others(self, x: Array, others: Sequence[Unknown], change: Change | None = None) -> Array:
         """Return the derivative (n, m) of the residuals by unknowns that are not fitted."""
-        unknowns = [*self.unknowns, *others]
-        wider = Residuals(self.numbers, unknowns, self.logs, self.run, self.loss, self.fixed)
+        wider = self.with_unknowns(others, change)
         derivative = np.zeros((sum(log.count for log in self.logs), len(others)))
         ends = np.cumsum([0, *(log.count for log in self.logs)])
         at = np.concatenate([x, np.zeros(len(others))])

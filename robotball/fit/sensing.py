@@ -6,6 +6,7 @@ or a gyro bias. Each is 0 unless it is freed.
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -271,8 +272,10 @@ def _middle(vectors: Array) -> float:
     return float(np.median(np.linalg.norm(vectors, axis=1)))
 
 
-def contradictions(sensors: Mapping[str, Sensor]) -> Iterator[tuple[str, str]]:
+def contradictions(sensors: Mapping[str, Sensor]) -> Iterator[tuple[str, str, str]]:
     """Yield the pairs of gyro and attitude sensor on one body that no motion can explain.
+
+    The third text says which axes of the gyro would be explained, such as "y, x, -z"; else "".
 
     Compares median rotations of the attitude with the integrated gyro, over spans in which the
     attitude rotates by far more than its noise, but by so little that its axis does not matter.
@@ -293,8 +296,19 @@ def contradictions(sensors: Mapping[str, Sensor]) -> Iterator[tuple[str, str]]:
             turns = turn_between(attitudes[:-span], attitudes[span:])
             if _middle(turns) > _TURN:
                 break
-        off = turns - (whole[span:] - whole[:-span])
         # Without the median: a gyro bias is not a contradiction.
-        size, difference = (_middle(v - np.median(v, axis=0)) for v in (turns, off))
-        if difference > max(_CONTRADICTS * size, _BEYOND * noise_of(attitude)):
-            yield name, other
+        turns = turns - np.median(turns, axis=0)
+        whole = whole[span:] - whole[:-span]
+        most, axes = max(_CONTRADICTS * _middle(turns), _BEYOND * noise_of(attitude)), np.arange(3)
+        options = [
+            (_middle(v - np.median(v, axis=0)), order, signs)
+            for order in permutations(axes)
+            for signs in product((1, -1), repeat=3)
+            for v in (turns - whole[:, order] * signs,)
+        ]
+        if options[0][0] > most:
+            least, order, signs = min(options, key=lambda option: option[0])
+            named = ", ".join(
+                "-"[: sign < 0] + "xyz"[i] for i, sign in zip(order, signs, strict=True)
+            )
+            yield name, other, named if least < most else ""

@@ -116,7 +116,8 @@ def fit(
     free: options.Names = (),
     also: options.Names = (),
     noise: options.Names = (),
-    loss: Literal["linear", "soft_l1", "huber", "cauchy", "arctan"] = "linear",
+    map: options.ColumnNames = (),
+    patience: options.Seconds = 120.0,
     all: bool = False,
     engine: Annotated[str, Parameter(metavar="ENGINE")] = "mujoco",
     preset: options.Names = (),
@@ -137,7 +138,7 @@ def fit(
     Parameters
     ----------
     logs
-        CSV, NPZ or Parquet files of the sensor readings.
+        Files of the sensor readings: CSV, NPZ, Parquet, JSON lines, MATLAB, or ROS bags.
     free
         Numbers to find, by their paths or the last words of these; with limits as frame.kv=0.1:0.8.
     also
@@ -146,8 +147,8 @@ def fit(
         HINGE_angle.zero.
     noise
         Standard deviation of a sensor's noise in SI units, as gyro=0.02. Default: estimated.
-    loss
-        Loss of scipy's least_squares; every loss except linear tolerates outliers.
+    patience
+        Time for the search; then the best values so far are reported.
     all
         Fit all logs, and hold none out.
     engine
@@ -155,11 +156,12 @@ def fit(
     preset
         Also fit with these presets of the engine, to see how its contact shifts the numbers.
     """
+    from ..output import columns_named
     from ..studies.fitting import fit_logs
 
     return fit_logs(
-        scene, logs, free, also=also, noise=noise, loss=loss,
-        hold_out=not all, engine=engine, presets=preset, out=out, json=json,
+        scene, logs, free, also=also, noise=noise, names=columns_named(map),
+        patience=patience, hold_out=not all, engine=engine, presets=preset, out=out, json=json,
     )  # fmt: skip
 
 
@@ -168,6 +170,7 @@ def judge(
     /,
     *files: Path,
     control: options.Controls = (),
+    map: options.ColumnNames = (),
     tolerance: Annotated[float, Parameter(metavar="ERROR")] = options.TOLERANCE,
     json: options.JsonFile = None,
 ) -> int:
@@ -180,15 +183,18 @@ def judge(
     Parameters
     ----------
     files
-        CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz, or t,x,y alone.
+        Files with t,x,y,qw,qx,qy,qz, or t,x,y alone: CSV, NPZ, Parquet, JSON lines, MATLAB, or ROS
+        bags.
     tolerance
         Largest errors that agree: relative for path, height, momentum and rates; in rad for the
         attitude.
     """
+    from ..output import columns_named
     from ..results import controlled
     from ..studies.judge import judge_files
 
-    return judge_files(controlled(scene, control), files, tolerance, json)
+    ball, names = controlled(scene, control), columns_named(map)
+    return judge_files(ball, files, names, tolerance, json)
 
 
 _NEAR_PATH = 1e-3  # of the path's length: how near to it a robot that is steered must come

@@ -25,6 +25,7 @@ from robotball.view.tracks import PRESET_LOOKS, LineStyle
 from ..options import AGREES, DISAGREES
 from ..output import (
     known,
+    pairs_of,
     plain_table,
     print_whole,
     program,
@@ -55,18 +56,17 @@ def lines(fitted: Fitted) -> Iterator[str]:
     else:
         yield f"the model does not explain the logs, so errors may exceed the ± given: {chi2}"
     if not fitted.complete:
-        yield "the fit stopped before the minimum of χ²: start closer, or from the scene it wrote"
+        yield (
+            "the fit stopped before the minimum of χ², with its best values so far: continue from "
+            "the scene it wrote, or with more --patience"
+        )
+        yield from fitted.moving
     for sensor in fitted.strays:
         yield (
             f"  {sensor.name} of {sensor.log} is off by {scientific(sensor.residual)} from "
             f"t = {sensor.since or 0.0:.3g} s on; its noise is {scientific(sensor.noise)}"
         )
-    if any(sensor.name == "position" for sensor in fitted.strays):
-        yield (
-            "  no position fits if the capture has another unit, origin or axes than the scene: "
-            "check its unit, and try --also world.origin,world.yaw"
-        )
-    yield from fitted.contradictions
+    yield from (line for line in fitted.contradictions if line != fitted.reason)
     yield from fitted.at_limits
     yield from fitted.undetermined
     yield from fitted.influences
@@ -77,6 +77,8 @@ def lines(fitted: Fitted) -> Iterator[str]:
                 f"the logs hardly distinguish {names[i]} from {names[j]}: their correlation is "
                 f"{fitted.correlations[i, j]:.3f}"
             )
+    if fitted.reason:
+        yield f"most probable reason: {fitted.reason}"
 
 
 def _constrained(fitted: Fitted) -> bool:
@@ -171,8 +173,8 @@ _MEASURES = ("noise", "residual", "probability", "since")
 
 def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
     fitted = fits[_EQUATIONS]
-    names = ("explains", "chi2", "probability", "complete")
-    texts = ("undetermined", "contradictions", "at_limits", "influences")
+    names = ("explains", "chi2", "probability", "complete", "reason")
+    texts = ("undetermined", "contradictions", "at_limits", "influences", "moving")
     return {
         "program": program(),
         "scene": scene,
@@ -215,7 +217,8 @@ def fit_logs(
     *,
     also: Sequence[str],
     noise: Sequence[str],
-    loss: str,
+    names: Mapping[str, str],
+    patience: float,
     hold_out: bool,
     engine: str,
     presets: Sequence[str],
@@ -232,7 +235,7 @@ def fit_logs(
     if engine != "mujoco" and not presets:
         raise InputError("--engine needs presets: name some, such as --preset naive,balanced")
     scene = numbers.scene({})
-    logs = [read_log(path, scene) for path in paths]
+    logs = [read_log(path, scene, names) for path in paths]
     runs: dict[str, dict[str, Any]] = {_EQUATIONS: {}}
     for preset in presets:
         # A faulty run must continue to the end of the log.
@@ -240,6 +243,7 @@ def fit_logs(
         runs[f"{engine}, {preset}"] = {"run": partial(run_request, request=request)}
     held = len(logs) - 1 if len(logs) > 1 and hold_out else None
     more: dict[str, Any] = {"circumstances": also, "noise": _noise_of(noise), "hold_out": held}
+    more["patience"] = patience
     writable_folder(out)
     fits: dict[str, Fitted] = {}
     with progress_bar(len(runs)) as bar:
@@ -248,7 +252,7 @@ def fit_logs(
             def show(part: float, chi2: float, name: str = name) -> None:
                 bar(len(fits) + part, f"{name}: χ²/n = {chi2:.3g} over {part:.0%} of the logs")
 
-            fits[name] = fit(numbers, logs, free, loss=loss, progress=show, **more, **options)
+            fits[name] = fit(numbers, logs, free, progress=show, **more, **options)
     for log in logs:
         for note in log.notes:
             print(f"{log.name}: {note}")
@@ -268,13 +272,8 @@ def fit_logs(
 
 
 def _noise_of(texts: Sequence[str]) -> dict[str, float]:
-    noise = {}
-    for item in texts:
-        name, _, value = item.partition("=")
-        try:
-            noise[name] = float(value)
-        except ValueError:
-            raise InputError(
-                f"--noise takes SENSOR=NUMBER, such as gyro=0.02, not {item!r}"
-            ) from None
-    return noise
+    form = "--noise takes SENSOR=NUMBER, such as gyro=0.02"
+    try:
+        return {name: float(value) for name, value in pairs_of(form, texts).items()}
+    except ValueError:
+        raise InputError(f"{form}, not {', '.join(texts)}") from None

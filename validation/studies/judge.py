@@ -6,7 +6,7 @@ them.
 """
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -489,15 +489,24 @@ def _measures(comparison: _Comparison) -> dict[str, Any]:
     return {name: known(value) for name, value in numbers.items()}
 
 
-def judge_files(scene: Scene, files: Sequence[Path], tolerance: float, json: Path | None) -> int:
-    """Judge trajectory files of a scene, show and write the judgement; return the exit status."""
+def judge_files(
+    scene: Scene,
+    files: Sequence[Path],
+    names: Mapping[str, str],
+    tolerance: float,
+    json: Path | None,
+) -> int:
+    """Judge trajectory files of a scene, show and write the judgement; return the exit status.
+
+    names: as in `read_trajectory`.
+    """
     if not files:
         raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")
     check_positive("tolerance", tolerance, "")
     with progress_bar(1) as bar:
         judgement = judge(
             scene,
-            files,
+            [read_trajectory(file, names) for file in files],
             tolerance=tolerance,
             progress=lambda part: bar(part, f"{scene.name}: judging"),
         )

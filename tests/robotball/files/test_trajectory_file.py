@@ -290,7 +290,7 @@ NO_TABLES = [
     ("a.csv", b"\x93NUMPY\xff\xfe", "UTF-8"),
     *(("a.npz", data, "NPZ") for data in (b"PK\x03\x04 no zip", b"t,x,y", b"\x93NUMPY\x01\x00")),
     *(("a.npz", data, f"NPZ {why}") for why, data in NPZS.items()),
-    ("a.bag", b"", ".csv .tsv .txt .npz .parquet '.bag'"),
+    ("a.xlsx", b"", ".csv .tsv .txt .npz .parquet '.xlsx'"),
     *(("run.csv", text.encode(), facts) for text, facts in REFUSED.items()),
 ]
 

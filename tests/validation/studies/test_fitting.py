@@ -1,7 +1,6 @@
 """`robotball fit`: its output, files and exit status."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,8 @@ import pytest
 import robotball as rb
 from tests.conftest import Robotball
 from tests.messages import unnamed
-from tests.robotball.fit.test_fitting import NOISE, log, off
+from tests.robotball.fit.test_fitting import log, off
 from tests.validation.json_keys import misfits
-from validation.studies import fitting
 
 
 def written(run: rb.Log, path: Path) -> None:
@@ -109,14 +107,3 @@ def test_numbers_of_a_robot_file_have_its_names(robotball: Robotball, tmp_path: 
     status, _, err = robotball("fit", ROBOT, "run.csv", "--free", "plate.maas")
     assert status == 2
     assert unnamed("'plate.maas' plate.geom.mass", err) == []
-
-
-def test_residuals_of_the_position_suggest_fitting_the_world_frame() -> None:
-    """Only for positions, not for other sensors."""
-    result = rb.fit("pendulum_robot", [log()], ["kv"], noise=NOISE)
-    for name in ("position", "gyro"):
-        sensors = tuple(replace(s, probability=float(s.name != name)) for s in result.sensors)
-        lines = [*fitting.lines(replace(result, sensors=sensors))]
-        assert any("--also world.origin,world.yaw" in line for line in lines) == (
-            name == "position"
-        )

@@ -179,7 +179,7 @@ browser:
 
 lock: | $(UV)
 	$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	  --extra reference --extra parquet --extra xarray \
+	  --extra reference --extra parquet --extra xarray --extra bags \
 	  --extra bench --extra docs --extra dev \
 	  --no-header --no-annotate --upgrade --output-file requirements.lock pyproject.toml
 

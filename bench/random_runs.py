@@ -32,7 +32,7 @@ from robotball import (
 )
 from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.run import exceeded
-from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
+from robotball.engines.mujoco.settings import ORDER_8, OWN, Prescribed, recipe
 from robotball.robot.ball import Frame, Pendulum, Rotor, Shell
 from robotball.robot.motors import Servo
 from robotball.robot.variations import scaled, scaled_body, with_bodies
@@ -101,9 +101,8 @@ def robot(seed: int, number: int) -> _RandomRun:
 def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
     """Return sample times that limit the cost of the engine and of the equations."""
     plan = PlannedRun(scene, settings, scene.duration)
-    timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
     turns = _TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
-    duration = min(max(min(turns, _STEPS * timestep, _LONGEST), 10 * timestep), _LONGEST)
+    duration = min(max(min(turns, _STEPS * plan.timestep, _LONGEST), 10 * plan.timestep), _LONGEST)
     return np.linspace(0.0, duration, _SAMPLES + 1)
 
 
@@ -177,7 +176,7 @@ def _start_times(scene: Scene, factor: float) -> Scene:
 _AXES: dict[str, _Axis] = {
     "timestep": _of_settings(-4, 0, lambda v: {"timestep": v}),
     "integrator": _choice(*({"integrator": name} for name in OWN)),
-    "adaptive": _of_settings(-13, -2, lambda v: {"integrator": ADAPTIVE, "rtol": v}),
+    "order 8": _of_settings(-3, 0, lambda v: {"integrator": ORDER_8, "timestep": v}),
     "rotor speed": _of_scene(-2, 4, lambda scene, v: _faster(scene, rotors=v)),
     "frame speed": _of_scene(-2, 3, lambda scene, v: _faster(scene, frame=v)),
     "momentum": _of_scene(-6, 4, _start_times),

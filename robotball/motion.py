@@ -65,7 +65,6 @@ class FaultKind(Enum):
     MOMENTUM_OFF = "M off by over {limit:g}"
     OFF = "estimated path or momentum error over {limit:g}"
     STEP_TOO_SHORT = "the steps became too short ({subject})"
-    OUT_OF_STEPS = "max_steps = {limit:.0f} reached"
 
 
 def measured_time(seconds: float) -> float:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from robotball.engines.mujoco.model import friction_reference
-from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, INTEGRATORS, for_slip, recipe
+from robotball.engines.mujoco.settings import CONSTANT, INTEGRATORS, for_slip, recipe
 from robotball.engines.mujoco.user_model import UserModel, wrenches
 from robotball.engines.observe import depth_at_rest
 from robotball.errors import counted
@@ -28,7 +28,7 @@ from .observe import Observation, shock_time
 # The recipe has more friction than any motion needs, and the hardest contact that MuJoCo does not
 # soften: MuJoCo raises the time constant to two steps.
 _SLIDING: float = CONSTANT["sliding_friction"]
-_TIME_CONSTANT = BY_ERROR[1]  # s
+_TIME_CONSTANT = 0.004  # s, twice MuJoCo's default timestep
 _SOLIMP: Any = recipe("mended", 1e-3).solimp
 _LARGEST_MARGIN = 1e-2  # of the radius: a larger result is not meaningful
 _SAME_DEPTH = 1e-8  # m, the tolerance of a margin

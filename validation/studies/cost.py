@@ -24,7 +24,6 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import (
-    ADAPTIVE,
     FIRST_ORDER,
     INTEGRATORS,
     MUJOCOS_DEFAULT,
@@ -65,8 +64,6 @@ _INTERVAL = 0.1  # s between samples, and the longest step
 _LINE = tuple(_INTERVAL / 2**k for k in range(10))  # s; RK4 gains nothing below 1 ms
 _SHOWN_STEPS = (20e-3, 5e-3, 1e-3)  # s
 _FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # s, in the range of first-order convergence
-# The contact may be lost above 1e-4; see `limits.errors_added`.
-_RTOLS = tuple(10.0**-k for k in range(4, 14))
 _SAMPLE = 120  # random combinations
 _SEED = 4
 _LIMIT = 60.0  # s, time limit of a run
@@ -116,13 +113,12 @@ def configurations(quick: bool = False) -> list[Settings]:
     """Return the distinct settings of the study, presets first; a few of each in the quick form."""
     if quick:
         every = [*PRESETS.values(), *_lines((_RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
-        every += [*_adaptive(_RTOLS[2::4]), *_star(NAIVE, _SHOWN_STEPS[1:2], ("RK4",))][::4]
+        every += [*_star(NAIVE, _SHOWN_STEPS[1:2], ("RK4",))][::4]
     else:
         every = [
             *PRESETS.values(),
             *_lines((_RECIPE, NAIVE), _LINE, _ALL),
             *_lines((_RECIPE,), _LINE[:6], (ORDER_8,)),
-            *_adaptive(_RTOLS),
             *_star(_RECIPE, _SHOWN_STEPS, ("RK4",)),
             # With long steps, first-order errors would hide the effect of a choice.
             *_star(_RECIPE, _FINE_STEPS, FIRST_ORDER),
@@ -143,10 +139,6 @@ def _lines(
         yield replace(base, integrator=integrator, timestep=step)
 
 
-def _adaptive(rtols: Sequence[float]) -> list[Settings]:
-    return [replace(_RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol) for rtol in rtols]
-
-
 def _star(base: Settings, steps: Sequence[float], integrators: Sequence[str]) -> Iterator[Settings]:
     """Yield the base settings with each alternative of a single choice."""
     for level in chain.from_iterable(_CHOICES.values()):
@@ -163,7 +155,7 @@ def _sample() -> Iterator[Settings]:
 
 
 _NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # robotball's settings
-_STEPS = (*_NOT_OPTIONS, "integrator", "timestep", "rtol")
+_STEPS = (*_NOT_OPTIONS, "integrator", "timestep")
 _DEFAULTS = {field.name: field.default for field in fields(Settings)}
 
 
@@ -251,7 +243,6 @@ def _configuration(result: Result, baseline: float) -> Row:
     """
     options, record = options_of(settings_with(result.cell)), result.record or {}
     integrator, timestep = options.get("integrator", MUJOCOS_DEFAULT), options.get("timestep", 2e-3)
-    steps = f"rtol {options['rtol']:.0e}" if "rtol" in options else f"{timestep * 1e3:.3g} ms"
     preset = _PRESETS.get(repr(sorted(options.items())))
     error, off, ratio, least, most = (
         known(record.get(name))
@@ -261,7 +252,7 @@ def _configuration(result: Result, baseline: float) -> Row:
     # Path errors can cancel, errors of M cannot: a path far more accurate than M is an accident.
     consistent = error is not None and off is not None and off <= CANCELLED * error
     return {
-        "title": preset or f"{integrator} {steps}, {describe(options)}",
+        "title": preset or f"{integrator} {timestep * 1e3:.3g} ms, {describe(options)}",
         "preset": preset,
         "integrator": integrator,
         "timestep": timestep,

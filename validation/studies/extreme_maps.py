@@ -12,18 +12,17 @@ from typing import Any
 import numpy as np
 
 from robotball import Scene, Servo, Settings, load_scene
-from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, MOST_STEPS, OWN, recipe
+from robotball.engines.mujoco.settings import CONSTANT, INTEGRATORS, MOST_STEPS, ORDER_8, recipe
 from robotball.robot.variations import gyrostat, momentum_of, redistributed, scaled
 
 from ..sweeps import Cell
 
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
-_RTOL = 1e-8  # relative tolerance of adaptive steps, on maps that do not vary it
 ERROR_TOLERANCE = 1e-2  # relative error tolerance of a cell
-_ADAPTIVE_STEPS = 2000  # limit of adaptive steps; sound cells take fewer than 1800
+_MOST_STEPS = 100_000  # of a cell, ten seconds; fast rotations and servos shorten steps of order 8
 _COUNT = 8  # default number of values on an axis
-_QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
+_QUICK_INTEGRATORS = ("Euler", "RK4", ORDER_8)
 _QUICK_COUNT = 3  # values on an axis of the quick form
 _QUICK_DURATION = 10.0  # s, longest duration of the quick form
 
@@ -43,12 +42,6 @@ def _decades(low: float, high: float, count: int = _COUNT) -> tuple[float, ...]:
 
 _TIMESTEPS = _Axis("timestep [s]", _decades(2e-4, 0.2))
 _LONG_TIMESTEPS = _Axis("timestep [s]", (0.02, 0.05, 0.1, 0.2))
-# The adaptive integrator has no timestep: vary its rtol instead.
-_ADAPTIVE_AXES = {
-    _TIMESTEPS: _Axis("rtol of a step", _decades(1e-13, 0.1)),
-    # Simulating a day takes minutes at any rtol.
-    _LONG_TIMESTEPS: _Axis("rtol of a step", (1e-6,)),
-}
 
 
 @dataclass(frozen=True)
@@ -89,17 +82,14 @@ class Map:
     rollings: tuple[str, ...] = tuple(_SCENES)
     limit: float = 60.0
 
-    def x_of(self, integrator: str) -> _Axis:
-        """Return the first axis for an integrator: rtol replaces the timestep if it is adaptive."""
-        return _ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
-
 
 def cell_run(
     chosen: Map, rolling: str, integrator: str, x: float, y: float
 ) -> tuple[Scene, Settings]:
     """Return the scene and settings of a cell. Raises InputError if the ball is impossible."""
     scene = base(rolling)
-    settings = _settings(integrator, x if chosen.x in _ADAPTIVE_AXES else None)
+    varied = chosen.x in (_TIMESTEPS, _LONG_TIMESTEPS)
+    settings = _settings(integrator, x if varied else TIMESTEP)
     return chosen.ball(scene, x, y), replace(settings, **chosen.options(scene, x, y))
 
 
@@ -109,19 +99,14 @@ def base(rolling: str) -> Scene:
     return load_scene(_SCENES[rolling])
 
 
-def _settings(integrator: str, step: float | None) -> Settings:
-    """Return the recipe for an integrator and a timestep [s], or an rtol if it is adaptive."""
-    if integrator == ADAPTIVE:
-        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=ADAPTIVE, rtol=step or _RTOL)
-        chosen = replace(chosen, max_steps=_ADAPTIVE_STEPS)
-    else:
-        timestep = step or TIMESTEP
-        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=integrator, timestep=timestep)
-        constant, ratio = CONSTANT["solref"]
-        # MuJoCo (refsafe) would silently raise the time constant to two steps.
-        chosen = replace(chosen, solref=(max(constant, 2 * timestep), ratio))
+def _settings(integrator: str, timestep: float) -> Settings:
+    """Return the recipe for an integrator and a timestep [s]."""
+    chosen = recipe(integrator, ERROR_TOLERANCE, integrator=integrator, timestep=timestep)
+    constant, ratio = CONSTANT["solref"]
+    # MuJoCo (refsafe) would silently raise the time constant to two steps.
+    solref = max(constant, 2 * timestep), ratio
     # The outcome shows only if the run continues after a fault.
-    return replace(chosen, stop_at_fault=False)
+    return replace(chosen, solref=solref, max_steps=_MOST_STEPS, stop_at_fault=False)
 
 
 def _with_momentum(scene: Scene, size: float) -> Scene:
@@ -244,7 +229,7 @@ MAPS: dict[str, Map] = {
 class Cut:
     """The part of the maps to run: integrators, and the number of values on an axis."""
 
-    integrators: tuple[str, ...] = (*OWN, ADAPTIVE)
+    integrators: tuple[str, ...] = tuple(INTEGRATORS)
     count: int | None = None
 
     def values(self, axis: _Axis) -> tuple[float, ...]:
@@ -269,5 +254,5 @@ def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
         for rolling in chosen.rollings
         for integrator in cut.integrators
         for y in cut.values(chosen.y)
-        for x in cut.values(chosen.x_of(integrator))
+        for x in cut.values(chosen.x)
     ]

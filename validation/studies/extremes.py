@@ -72,7 +72,7 @@ class Outcome(Enum):
     OFF_RATE = ("off rate", 0.9, "----", "a drive lost its rate")
     DIVERGED = ("diverged", 0.55, "", "diverged and reported")
     REFUSED = ("refused", 1.0, "xxxx", "refused before the run, with one line")
-    UNFINISHED = ("out of time", 1.0, "\\\\\\\\", "stopped at its limit of steps or time")
+    UNFINISHED = ("out of time", 1.0, "\\\\\\\\", "stopped at its limit of time")
     FAILED = ("failed", 0.15, "xxxx", "ended in an unexpected error")
 
     def __init__(self, word: str, grey: float, hatch: str, sentence: str) -> None:
@@ -83,7 +83,6 @@ class Outcome(Enum):
 
 # All other kinds of fault leave no valid state.
 _OF_KIND = {
-    FaultKind.OUT_OF_STEPS: Outcome.UNFINISHED,
     FaultKind.CONTACT_LOST: Outcome.LOST_CONTACT,
     FaultKind.CONE_SATURATED: Outcome.SLIPPED,
     FaultKind.SLIPPED: Outcome.SLIPPED,
@@ -109,10 +108,8 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
     later faults follow from it: a ball that slips may lose contact later.
     """
     kinds = [_OF_KIND.get(fault.kind, Outcome.DIVERGED) for fault in faults]
-    if Outcome.DIVERGED in kinds or (error is None and Outcome.UNFINISHED not in kinds):
+    if Outcome.DIVERGED in kinds or error is None:
         return Outcome.DIVERGED
-    if error is None:
-        return Outcome.UNFINISHED
     grave = [kind for kind in kinds if kind not in _BY_ERROR]
     if error > WRONG:
         # A run is silently wrong only if no other fault explains the error.
@@ -176,16 +173,13 @@ def _speed_scale(scene: Scene) -> float:
 def _sample_times(scene: Scene, settings: Settings, duration: float | None) -> Array:
     """Return the sample times (n,) of a cell, at multiples of its timestep [s].
 
-    Without a duration they cover a few turns of the ball and at least _LEAST_STEPS fixed steps.
+    Without a duration they cover a few turns of the ball and at least _LEAST_STEPS steps.
     """
     step = settings.timestep or TIMESTEP
     if duration is None:
         duration = _TURNING / max(_speed_scale(scene), _TURNING / _DURATION)
-        if not settings.adaptive:
-            duration = max(duration, _LEAST_STEPS * step)
+        duration = max(duration, _LEAST_STEPS * step)
     interval = step * max(1.0, np.ceil(duration / step / _MOST_SAMPLES))
-    if settings.adaptive:
-        interval = duration / _MOST_SAMPLES
     return interval * np.arange(max(2, round(duration / interval) + 1))
 
 
@@ -398,7 +392,7 @@ def _map_picture(name: str, results: Sequence[Result]) -> Figure:
         names = ", ".join(cells[0].cell["integrator"] for cells in equal_runs)
         first = equal_runs[0][0].cell
         axes.set_title(f"{names}: {first['rolling']}", size=9.5)
-        axes.set_xlabel(chosen.x_of(first["integrator"]).label, size=9)
+        axes.set_xlabel(chosen.x.label, size=9)
         if i % across == 0:
             axes.set_ylabel(chosen.y.label, size=9)
         else:

@@ -279,7 +279,7 @@ def checked(motion: ContactMotion) -> ContactMotion:
     assert isinstance(settings, Settings)
     if settings.slips:
         order = 1
-    elif (order := Resolved(scene, settings).integrator.order) == 1 or settings.adaptive:
+    elif (order := Resolved(scene, settings).integrator.order) == 1:
         return motion
     time, seconds = 0.0, report.total_seconds
     for (factor, softer), part in zip(_OTHER_8 if order == 8 else _OTHER, _PARTS, strict=True):

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from robotball.engines.mujoco.model import Model, controls_at
 from robotball.motion import Fault
-from robotball.robot import formulas as eq
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_QUATERNION = slice(3, 7)
 _NO_STAGE = int(mujoco.mjtStage.mjSTAGE_NONE)
 # s; the value of a drive at a breakpoint is taken this long before it, because the other side
 # begins there.
@@ -87,30 +85,6 @@ def put(data: mujoco.MjData, t: float, state: Array) -> None:
     """Set time [s] and state (qpos, qvel)."""
     data.time = t
     data.qpos, data.qvel = state[: len(data.qpos)], state[len(data.qpos) :]
-
-
-def right_hand_side(forward: _Forward, data: mujoco.MjData) -> Callable[..., Array]:
-    """Return the function for d/dt of (qpos, qvel) at time t [s].
-
-    The root's quaternion may have any length, because Runge-Kutta stages do not normalise it.
-    """
-    nq, nv = data.model.nq, data.model.nv
-    qpos, qvel, qacc = data.qpos, data.qvel, data.qacc
-
-    def rate(t: float, state: Array, sensors: bool = False) -> Array:
-        data.time = t
-        qpos[:], qvel[:] = state[:nq], state[nq:]
-        forward(data, sensors)
-        derivative = np.empty(nq + nv)
-        derivative[:3] = qvel[:3]
-        derivative[_QUATERNION] = eq.attitude_rate(
-            tuple(state[_QUATERNION].tolist()), tuple(qvel[3:FREE_QVEL].tolist())
-        )
-        derivative[FREE_QPOS:nq] = qvel[FREE_QVEL:]
-        derivative[nq:] = qacc
-        return derivative
-
-    return rate
 
 
 @dataclass(frozen=True)
@@ -192,8 +166,6 @@ class Control:
         Takes the steps of order 8.
     steps : callable or None
         Takes one step in parts. None if steps have no parts.
-    stops : callable or None
-        Stops a ball that has come to rest, and returns whether it did. None if no ball can stop.
     timestep : float, s
         The longest step.
     planned, taken : int
@@ -222,7 +194,6 @@ class Control:
         self.timestep = model.settings.timestep or model.compiled.opt.timestep
         self.order_8: Interpolating | None = None
         self.steps: Steps | None = None
-        self.stops: Callable[[mujoco.MjData], bool] | None = None
 
     @property
     def steady(self) -> bool:

@@ -70,7 +70,7 @@ def dm_environment(
     ------
     InputError
         If dm-control is not installed, if the path, the timestep or the largest action is invalid,
-        if the settings use DOP853, if the plane resists rolling, or if `load_scene` or `integrate`
+        if the settings use RK8, if the plane resists rolling, or if `load_scene` or `integrate`
         raises it.
 
     Examples
@@ -96,7 +96,7 @@ def dm_environment(
     chosen = as_own(request_of("mujoco", settings).settings, Settings, LABEL)
     if not chosen.own or scene.friction.rolling:
         raise InputError(
-            f"{scene.name}, {chosen.name}: an environment takes MuJoCo's steps, without DOP853 or "
+            f"{scene.name}, {chosen.name}: an environment takes MuJoCo's steps, without RK8 or "
             "resistance to rolling: take another preset, or a scene without resistance"
         )
     if path is None:

@@ -115,7 +115,7 @@ class PlannedRun(Resolved):
     def plain(self) -> bool:
         """True if no law of `special_limits` applies."""
         scene, settings = self.scene, self.settings
-        if settings.adaptive or settings.slips or scene.load_varies or not scene.steady:
+        if settings.slips or scene.load_varies or not scene.steady:
             return False
         if scene.plane_turns or settings.condim or settings.root == "frame":
             return False
@@ -285,8 +285,6 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
     for RK4. A nutation of fast rotors may have hardly any of M, so a trial measures the loss if
     this formula exceeds the limit. The trial is within 5 % of the run.
     """
-    if plan.integrator.momentum_loss is None:
-        return None
     if plan.integrator.order > 1 and not plan.scene.keeps_momentum:
         return None  # M changes anyway, so its change shows no error
     theta = plan.rotation_rate * plan.timestep

@@ -79,7 +79,7 @@ def write_model(scene: Scene, settings: Settings) -> Written:
     scene.check_open("MJCF")
     check_still(scene, "MJCF")
     if not settings.own:
-        settings = replace(settings, integrator="RK4", timestep=_STEP, rtol=None)
+        settings = replace(settings, integrator="RK4", timestep=_STEP)
     model = build(scene, settings)
     softness = model.settings.softness
     needs, off = None, None

@@ -1,8 +1,8 @@
 """MuJoCo as an engine: run a request and return the motion with its report.
 
 Read the folder in this order: `settings` (the recipes), `model` (MJCF from scene and settings),
-`control` and `stepping` (MuJoCo's integrators) with `parts` and `rolling_resistance`, `adaptive`
-(DOP853), `readings` (sensor values and warnings), `run`, `rollouts` (many runs), `limits` with
+`control` and `stepping` (MuJoCo's integrators) with `order8`, `parts` and `rolling_resistance`,
+`readings` (sensor values and warnings), `run`, `rollouts` (many runs), `limits` with
 `special_limits` and `linearised` (predicted failures), `accuracy` (settings for an accuracy).
 """
 

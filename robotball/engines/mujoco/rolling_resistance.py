@@ -14,7 +14,8 @@ from math import hypot
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import Control, Steps, mujoco_step, put, right_hand_side
+from robotball.engines.mujoco.control import Control, Steps, mujoco_step
+from robotball.engines.mujoco.order8 import RungeKutta
 from robotball.rotations import Array, rotation_matrix
 
 _STANDING = 1e-8  # rad/s: a shell that rolls no faster stands, if the plane can hold it
@@ -22,6 +23,7 @@ _RESTING = 1e-13  # rad/s: below this there is no rolling to remove
 _APPROACH = 0.5  # longest step near a standstill, as a part of the time to it
 _TURNED = 2.0  # longest step times the rate of the rolling's direction; RK4 is stable up to 2.8
 _SHORTEST = 1e-6  # of a step: a shorter part is joined to the one before it
+_RK4 = [*map(np.array, ([], [0.5], [0.0, 0.5], [0.0, 0.0, 1.0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]))]
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 # A diverging state overflows before the monitor ends the run.
 _overflowing = np.errstate(all="ignore")
@@ -41,24 +43,13 @@ class Resistance:
         self.weight = float(-scene.ball.mass * scene.gravity_world[2])  # N, of a ball at rest
         self.load_varies, self.plane_velocity = scene.load_varies, scene.plane_velocity
         self.shell = model.compiled.body("shell").id
+        self.rk4 = RungeKutta(control, 4, _RK4, (0.0, 0.5, 0.5, 1.0, 1.0)).step
 
     @_overflowing
     def forward(self, data: mujoco.MjData, sensors: bool) -> None:
         """Evaluate the forces, including the plane's torque."""
         trials = _Trials(self, data, sensors)
         trials.take(self._torque(trials), sensors)
-
-    @_overflowing
-    def rk4(self, data: mujoco.MjData, length: float) -> None:
-        """Take one step of the classical Runge-Kutta method of order 4."""
-        rate, t = right_hand_side(self.forward, data), data.time
-        begin = np.concatenate([data.qpos, data.qvel])
-        first = rate(t, begin, sensors=True)
-        second = rate(t + length / 2, begin + length / 2 * first)
-        third = rate(t + length / 2, begin + length / 2 * second)
-        fourth = rate(t + length, begin + length * third)
-        put(data, t + length, begin + length / 6 * (first + 2 * (second + third) + fourth))
-        mujoco.mj_normalizeQuat(self.compiled, data.qpos)
 
     def first_order(self, data: mujoco.MjData, length: float) -> None:
         """Take one step with MuJoCo's integrator, under the torque at its begin."""
@@ -82,17 +73,16 @@ class Resistance:
         return parts
 
     @_overflowing
-    def stop(self, data: mujoco.MjData) -> bool:
-        """Stop a shell that the plane holds from now on, and return whether it did."""
+    def stop(self, data: mujoco.MjData) -> None:
+        """Stop a shell that the plane holds from now on."""
         rolling = self._rolling(data)
         if not _RESTING < hypot(*rolling) <= _STANDING:
-            return False
+            return
         if not self._holding(_Trials(self, data))[1]:
-            return False
+            return
         to_world = rotation_matrix(data.qpos[3:7])
         data.qvel[:2] = self.plane_velocity(data.time, data.qpos[:2])[:2]
         data.qvel[3:6] -= rolling @ to_world[:2]
-        return True
 
     @_overflowing
     def _longest(self, data: mujoco.MjData, length: float) -> float:

@@ -61,21 +61,8 @@ def precheck(
 
 
 def check_length(plan: PlannedRun, times: Array) -> None:
-    """Raise InputError for a run of more steps than the settings allow.
-
-    Adaptive steps are counted while they are taken; here only those that servos need at least.
-    """
+    """Raise InputError for a run of more steps than the settings allow."""
     scene, settings = plan.scene, plan.settings
-    if settings.adaptive and settings.timestep is None:
-        from robotball.engines.mujoco.special_limits import settling
-
-        least = settling(plan)
-        if least is not None and least.value > settings.max_steps:
-            raise InputError(
-                f"{scene.name} over {times[-1]:g} s: {least.warning}; "
-                f"max_steps = {settings.max_steps}"
-            )
-        return
     # Steps of order 8 have samples inside.
     stops = times if settings.own else times[[0, -1]]
     steps = step_count(stops, scene.breakpoints, plan.timestep)
@@ -116,16 +103,11 @@ def run(
     """
     plan = PlannedRun(model.scene, model.settings, float(times[-1]))
     check_length(plan, times)
-    march = by_steps
-    if model.settings.adaptive:
-        from robotball.engines.mujoco.adaptive import by_forward
-
-        march = by_forward
     _ = model.compiled  # MuJoCo's compiler would call the callbacks that are set below
     with controlled(model) as control:
         control.timestep = plan.timestep
         data = model.start_data(scene)
-        motion = observed(control.model, times, march(control, data, times), progress)
+        motion = observed(control.model, times, by_steps(control, data, times), progress)
         calls = control.loop.calls if control.loop else ()
         # The control's scene has the loop's commands.
         return replace(motion, scene=model.scene, calls=calls)

@@ -24,7 +24,6 @@ from robotball.errors import LARGEST, InputError, check_positive
 from robotball.motion import EngineSettings, preset_named
 from robotball.robot.motors import Servo
 from robotball.robot.scene import Scene
-from robotball.theory.dop853 import LEAST_RTOL
 
 _RK4_REAL, _RK4_IMAGINARY = 2.785, 2.828  # where |1 + z + z²/2 + z³/6 + z⁴/24| = 1 on the axes
 _RK8_REAL, _RK8_IMAGINARY = 6.39, 5.96
@@ -33,7 +32,7 @@ _EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 
 @dataclass(frozen=True)
 class _Integrator:
-    """An integrator of MuJoCo, or one of ours if not `own`, with its limits of stability.
+    """An integrator of MuJoCo, or ours of order 8, with its limits of stability.
 
     A limit is the largest stable rate times timestep, of a rotation, of the decay of slip, or of a
     servo's gain over inertia; limits.py has the measurements. momentum_loss (p, f): a step with the
@@ -43,13 +42,12 @@ class _Integrator:
 
     name: str
     order: int
-    rotation_limit: float | None = None
-    friction_limit: float | None = None
-    servo_limit: float | None = None
-    momentum_loss: tuple[int, float] | None = None
-    marker: str = "o"
+    rotation_limit: float | None
+    friction_limit: float | None
+    servo_limit: float | None
+    momentum_loss: tuple[int, float]
+    marker: str
     size: float = 6.0
-    own: bool = True
     stability: tuple[float, ...] = ()
 
 
@@ -61,6 +59,7 @@ _TWELVE = (
     *(1 / 40320, 1 / 5040, 1 / 720, 1 / 120),
 )
 _FIRST, _FOURTH, _EIGHTH = (2, 1 / 2), (6, 1 / 144), (10, 2.4e-8)
+ORDER_8 = "RK8"
 INTEGRATORS = {
     integrator.name: integrator
     for integrator in (
@@ -72,15 +71,12 @@ INTEGRATORS = {
             "RK4", 4, _RK4_IMAGINARY, _RK4_REAL, _RK4_REAL, _FOURTH, "D", stability=_ONE_TO_FOUR
         ),
         _Integrator(
-            *("RK8", 8, _RK8_IMAGINARY, _RK8_REAL, _RK8_REAL, _EIGHTH, "*", 9.0),
-            own=False,
+            *(ORDER_8, 8, _RK8_IMAGINARY, _RK8_REAL, _RK8_REAL, _EIGHTH, "*", 9.0),
             stability=_TWELVE + _ONE_TO_FOUR,
         ),
-        _Integrator("DOP853", 8, marker="^", size=7.0, own=False),
     )
 }
-ADAPTIVE, ORDER_8 = "DOP853", "RK8"
-OWN = tuple(name for name, integrator in INTEGRATORS.items() if integrator.own)
+OWN = tuple(name for name in INTEGRATORS if name != ORDER_8)
 FIRST_ORDER = tuple(name for name, integrator in INTEGRATORS.items() if integrator.order == 1)
 MUJOCOS_DEFAULT = "Euler"
 
@@ -95,9 +91,6 @@ _FROM_TO = f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"
 _Positive = Annotated[float, Meta(ge=1 / LARGEST, le=LARGEST, description=_FROM_TO)]
 _NotNegative = Annotated[
     float, Meta(ge=0, le=LARGEST, description=f"finite and not negative, {LARGEST:g} at most")
-]
-_Tolerance = Annotated[
-    float, Meta(ge=LEAST_RTOL, le=LARGEST, description=f"finite and {LEAST_RTOL:g} at least")
 ]
 # MuJoCo's counters are of 32 bits.
 _Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number, 0 at least")]
@@ -225,12 +218,10 @@ class Settings(EngineSettings):
         Whether a run ends at its first fault. Otherwise it goes on as long as there is a state.
     timestep : float or None, s
         The length of a step. For RK8 it is the longest step, and steps are shorter if rotations or
-        servos are fast. For DOP853 it is the longest step, and None sets no limit.
+        servos are fast.
     integrator : str or None
-        One of MuJoCo's integrators, or one of two of order 8 that evaluate MuJoCo's forward
-        dynamics: "RK8" takes fixed steps, and "DOP853" holds the error of a step to `rtol`.
-    rtol : float or None
-        The relative error allowed in one step of DOP853.
+        One of MuJoCo's integrators, or "RK8", which takes steps of order 8 over MuJoCo's forward
+        dynamics.
     solver : {"PGS", "CG", "Newton"} or None
         The constraint solver.
     jacobian : {"dense", "sparse", "auto"} or None
@@ -279,14 +270,14 @@ class Settings(EngineSettings):
     slips : bool
         Whether the contact is the recipe for a ball that slips, whose error is of first order.
     max_steps : int
-        The largest number of steps of a run. A longer run is refused, or stopped if it is adaptive.
+        The largest number of steps of a run. A longer run is refused.
     drive : Servo or Prescribed
         How a hinge keeps its given rate.
 
     Raises
     ------
     InputError
-        If MuJoCo or scipy would refuse a value, or would replace it without a warning.
+        If MuJoCo would refuse a value, or would replace it without a warning.
 
     Examples
     --------
@@ -302,7 +293,6 @@ class Settings(EngineSettings):
     accuracy: _Positive | None = None
     timestep: _Positive | None = None  # s
     integrator: Annotated[str, _one_of(*INTEGRATORS)] | None = None
-    rtol: _Tolerance | None = None
     solver: Annotated[str, _one_of("PGS", "CG", "Newton")] | None = None
     jacobian: Annotated[str, _one_of("dense", "sparse", "auto")] | None = None
     iterations: _AtLeastOne | None = None
@@ -338,20 +328,13 @@ class Settings(EngineSettings):
             # A msgspec schema cannot require that two numbers have the same sign.
             if _Reference in get_args(kind) and not (value is None or _is_reference(value)):
                 raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}")
-        if self.adaptive and self.rtol is None:
-            raise InputError(f"{ADAPTIVE} needs rtol, the error allowed in one step, such as 1e-13")
         if self.integrator == ORDER_8 and self.timestep is None:
             raise InputError(f"{ORDER_8} needs a timestep [s], such as 0.05")
 
     @property
-    def adaptive(self) -> bool:
-        """True if the error of a step determines its length."""
-        return self.integrator == ADAPTIVE
-
-    @property
     def own(self) -> bool:
         """True if MuJoCo's own integrator takes the steps."""
-        return INTEGRATORS[self.integrator or MUJOCOS_DEFAULT].own
+        return self.integrator != ORDER_8
 
 
 # Shows how wrong a newcomer's model becomes, so a run goes on after its first fault.
@@ -361,7 +344,7 @@ NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=
 def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
     """Return settings with which MuJoCo follows the equations up to the error of its steps.
 
-    steps: the fields timestep, integrator and rtol. The default integrator is RK4.
+    steps: the fields timestep and integrator. The default integrator is RK4.
     """
     return Settings(
         name=name,
@@ -482,17 +465,12 @@ VARYING: dict[str, Any] = {
     # the armature.
     "drive": Prescribed(armature=1e18),
 }
-# The contact's softness and time constant [s], for fixed and for adaptive steps. The depth is the
-# error, and goes as the softness and as the square of the constant. Newton stops at 1e-15 m/s²,
-# which over the softness is a force: with 1e-5 it can lift a ball at rest out of its contact. The
-# constant is at least two timesteps, or twice the 2 ms of a model that MuJoCo does not step.
-_BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
-# The contact of adaptive steps on a moving plane: 1 ms as stiffness and damping, which MuJoCo does
-# not raise to two timesteps. The depth follows the plane's motion, and a ball that swings itself up
-# magnifies it: the vertical of vibrated_ball has an error of 5.3e-12 rad, and 8.6e-11 rad at 4 ms.
-_ON_MOVING_PLANE = (-1e6, -2e3)
-
-
+# The contact's softness and time constant [s], for MuJoCo's steps and for those of order 8. The
+# depth is the error, and goes as the softness and as the square of the constant. Newton stops at
+# 1e-15 m/s², which over the softness is a force: with 1e-5 it can lift a ball at rest out of its
+# contact. The constant is at least two timesteps, or twice the 2 ms of a model that MuJoCo does not
+# step.
+_BY_MUJOCO, _BY_ORDER_8 = (3e-4, 0.01), (1e-4, 0.004)
 _OF_STEP = 1 / 3  # time constant over a step of order 8; at 1/4 some fast robots lift off
 # In place of noslip under order 8. The rounding of noslip's forces lifts a robot at rest off so
 # hard a contact. The friction creeps by (1 - d)/d/impratio; from 1e6 on Newton needs more steps.
@@ -523,7 +501,6 @@ def for_slip(scene: Scene, settings: Settings, step: float) -> Settings:
         settings,
         timestep=step,
         integrator=integrator,
-        rtol=None,
         error_tolerance=max(settings.error_tolerance, _SLIP_ERROR * step),
         slips=True,
         # A larger armature or tolerance stops the solver too early.
@@ -560,16 +537,14 @@ def _for_load(settings: Settings, scene: Scene) -> Settings:
     if not pending:
         return settings
     if all(getattr(settings, n) == getattr(_RECIPE, n) for n in _OF_CONTACT) and slips(scene):
-        step = settings.timestep if settings.own or settings.adaptive else None
+        step = settings.timestep if settings.own else None
         return for_slip(scene, settings, step or _SLIP_STEP)
     chosen = CONSTANT
     if scene.load_varies:
-        by_error = settings.adaptive and settings.timestep is None
-        eighth = settings.integrator == ORDER_8
-        softness, constant = BY_ERROR if by_error or eighth else _BY_STEPS
+        eighth = not settings.own
+        softness, constant = _BY_ORDER_8 if eighth else _BY_MUJOCO
         constant = max(constant, (_OF_STEP if eighth else 2.0) * (settings.timestep or 0.0))
-        solref = _ON_MOVING_PLANE if by_error and scene.plane_moves else (constant, 1.0)
-        chosen = VARYING | {"softness": softness, "solref": solref}
+        chosen = VARYING | {"softness": softness, "solref": (constant, 1.0)}
         if eighth and all(getattr(settings, n) == getattr(_RECIPE, n) for n in _WITHOUT_NOSLIP):
             chosen, pending = chosen | _WITHOUT_NOSLIP, [*pending, *_WITHOUT_NOSLIP]
     return replace(settings, **{name: chosen[name] for name in pending})
@@ -606,9 +581,7 @@ class Resolved:
 
     @property
     def timestep(self) -> float:
-        """The longest step [s]; infinite if adaptive steps have no limit."""
-        if self.settings.timestep is None and self.settings.adaptive:
-            return np.inf
+        """The longest step [s]."""
         return float(self.option("timestep"))
 
     @property

@@ -1,7 +1,7 @@
 """Limits that only some runs have: laws as in `limits`, and the cost model of fixed steps.
 
-First the laws of motors, changing drives, varying loads and adaptive steps, then the laws of
-contacts and starts that differ from the recipe's.
+First the laws of motors, changing drives and varying loads, then the laws of contacts and starts
+that differ from the recipe's.
 """
 
 from dataclasses import dataclass
@@ -28,10 +28,6 @@ _MEASURED = 10.0  # s, the motions on which `low_weight` was measured
 _ROW = 0.02  # s, time constant of `frictionloss`, which MuJoCo raises to two timesteps
 _MINUTE = 60.0  # s of processor time
 _PART = 1e-4  # s of processor time: a part of a step with dry friction
-_STABLE = 6.3  # longest stable step of DOP853, times the rate at which the fastest motor settles
-# DOP853 takes _DENSITY * rate * duration * (1e-11 / rtol)^_GROWTH steps, each of so many seconds.
-_DENSITY, _GROWTH, _ADAPTIVE_STEP = 2.95, 0.12, 250e-6
-_MANY_STEPS = 20_000  # adaptive steps, ten seconds of time at least
 _SLIPPING = 1 - 1e-6  # used part of the friction cone from which the ball slips
 _SHORT = 1e-4  # of 1/b: the series' first term replaces a difference that cancels
 
@@ -83,37 +79,6 @@ def low_weight(plan: PlannedRun) -> LimitCheck | None:
     step = plan.timestep * (plan.tolerance / value) ** (1 / 6)
     effect, remedy = "the swing of a low weight will put RK4's path off", "take a timestep below"
     return error_check(value, plan.tolerance, effect, f"{remedy} {step:.2g} s")
-
-
-def errors_added(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the sum of the errors of DOP853's steps: rtol times their number.
-
-    Measured: M drifts by 0.005 to 0.2 of it on four scenes, from 1e-12 to 1e-6; from 1e-4 on the
-    contact may be lost as well.
-    """
-    rtol = plan.settings.rtol
-    if not plan.settings.adaptive or rtol is None:
-        return None
-    steps = plan.duration * plan.rotation_rate * _DENSITY * (1e-11 / rtol) ** _GROWTH
-    value = rtol * max(steps, 1.0)
-    effect = "the errors of all steps may change M"
-    return error_check(value, plan.tolerance, effect, "take a smaller rtol")
-
-
-def settling(plan: PlannedRun) -> LimitCheck | None:
-    """Predict DOP853's steps of 6.3/λ at most, λ the rate at which a servo settles.
-
-    Longer steps are unstable, whatever their error.
-    """
-    fastest = plan.servo_rate
-    if not plan.settings.adaptive or not fastest:
-        return None
-    value = fastest * plan.duration / _STABLE
-    warning = (
-        f"the servos' rate needs {value:.4g} adaptive steps, and more than {_MANY_STEPS:.4g} take "
-        "minutes: take a lower gain or more armature, or prescribe the rate"
-    )
-    return LimitCheck(value, _MANY_STEPS, warning)
 
 
 def servo_gain(plan: PlannedRun) -> LimitCheck | None:
@@ -213,8 +178,8 @@ def friction_row(plan: PlannedRun) -> LimitCheck | None:
 def friction_parts(plan: PlannedRun) -> LimitCheck | None:
     """Predict the time that steps of 2/λ take, with λ the rate at which dry friction stops a hinge.
 
-    DOP853 takes 6.3/λ. It is an upper limit, because λ is F/(I SLOW) below SLOW only, and hinges
-    that turn take long steps.
+    It is an upper limit, because λ is F/(I SLOW) below SLOW only, and hinges that turn take long
+    steps.
     """
     if plan.integrator.order == 1 or not _dry_friction(plan):
         return None
@@ -222,8 +187,7 @@ def friction_parts(plan: PlannedRun) -> LimitCheck | None:
     from robotball.engines.mujoco.motor_rates import fastest_rate
 
     fastest = fastest_rate(plan.scene, plan.hinges, plan.settings.slips, dry=True)
-    cost = _ADAPTIVE_STEP / _STABLE if plan.settings.adaptive else _PART / STABLE
-    value = fastest * plan.duration * cost
+    value = fastest * plan.duration * _PART / STABLE
     warning = (
         f"dry friction may stop a hinge at a rate of {fastest:.3g} 1/s, and steps as short may "
         f"take {value:.3g} s of time: give the hinge more armature, or less friction"
@@ -247,7 +211,7 @@ def drive_seen(plan: PlannedRun) -> LimitCheck | None:
     1.0 of it at half the rate of the steps, and 0.6 to 1.9 of it if the period divides the
     timestep.
     """
-    if plan.settings.adaptive or plan.scene.steady:
+    if plan.scene.steady:
         return None
     limit = min(plan.settings.error_tolerance, RATE_ERROR)
     rule, order = SIMPSON, max(4, plan.integrator.order)
@@ -393,7 +357,7 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
     that friction should have taken from it, and slip dies out slowly. Measured 0.38 to 0.56 of it
     on six scenes, in proportion to dt.
     """
-    if plan.settings.start_in_equilibrium or not plan.reduced or not np.isfinite(plan.timestep):
+    if plan.settings.start_in_equilibrium or not plan.reduced:
         return None
     force = float(np.linalg.norm(plan.loads.contact_force[0, :2]))
     slip = force * float(inverse_inertia(plan)[0, 0]) * plan.timestep
@@ -403,9 +367,13 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
 
 
 _OF_ROBOTS = (
-    low_weight, errors_added, settling, servo_gain, friction_row, friction_parts, drive_seen,
+    low_weight,
+    servo_gain,
+    friction_row,
+    friction_parts,
+    drive_seen,
     servo_droop,
-)  # fmt: skip
+)
 _OF_CONTACTS = (
     late_friction,
     lifted,

@@ -31,9 +31,8 @@ def controlled(model: Model) -> Iterator[Control]:
 
             control.order_8 = order_8 = Order8(control)
             control.step, control.steps = order_8.step, control.whole
-        fixed = not model.settings.adaptive
-        # Crossing a limit costs first-order and adaptive steps no accuracy.
-        if model.has_torque_limits and fixed and integrator.order > 1:
+        # Crossing a limit costs first-order steps no accuracy.
+        if model.has_torque_limits and integrator.order > 1:
             from robotball.engines.mujoco.parts import at_limits
 
             control.steps = stack.enter_context(at_limits(control))
@@ -41,7 +40,7 @@ def controlled(model: Model) -> Iterator[Control]:
             from robotball.engines.mujoco.rolling_resistance import Resistance
 
             resistance = Resistance(control)
-            control.forward, control.stops = resistance.forward, resistance.stop
+            control.forward = resistance.forward
             if control.order_8 is None:
                 control.step = resistance.rk4 if integrator.order > 1 else resistance.first_order
             control.steps = resistance.steps(control.steps or control.whole)
@@ -51,11 +50,9 @@ def controlled(model: Model) -> Iterator[Control]:
             option = model.compiled.opt
             stack.callback(setattr, option, "disableflags", option.disableflags)
             option.disableflags |= NO_ROWS
-            control.friction = model.dry_friction.torques
-            if fixed:
-                parts = Parts(control, model.dry_friction)
-                control.friction, control.step = parts.torques, parts.step
-                control.steps = control.steps or control.whole
+            parts = Parts(control, model.dry_friction)
+            control.friction, control.step = parts.torques, parts.step
+            control.steps = control.steps or control.whole
         if model.scene.plane_moves or not isinstance(model.scene.plane_turn, Constant):
             # Gravity and the slip are computed before the control callback.
             stack.callback(mujoco.set_mjcb_passive, mujoco.get_mjcb_passive())

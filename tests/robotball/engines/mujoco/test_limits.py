@@ -16,7 +16,6 @@ from robotball.engines.mujoco.linearised import linearised_start, momentum_loss
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import exceeded, limit_checks
 from robotball.engines.mujoco.settings import Prescribed, recipe
-from robotball.robot.ball import Ball, Frame, Hinge, Shell
 from robotball.robot.drives import seeing_step
 from robotball.robot.motors import Actuator, Free, Law, Servo
 from robotball.robot.scene import Friction
@@ -25,15 +24,13 @@ from tests.messages import naming, unnamed
 from tests.motions import Pair, pair_of
 from tests.random_balls import ball_of_points
 from tests.robotball.theory.test_friction import sphere
-from tests.robots import Y, low_weight, pendulum_ball, robot, swing, worked
+from tests.robots import low_weight, pendulum_ball, robot, swing, worked
 
 pytestmark = pytest.mark.core
 
 FIG12, REGULAR = rb.load_scene("fig12"), rb.load_scene("classical_regular")
 ROUTH = rb.load_scene("routh_sphere")
 FAST = replace(rb.preset("fast"), stop_at_fault=False)
-ADAPTIVE = recipe("adaptive", 1e-11, integrator="DOP853", rtol=1e-15)
-BY_ERROR: dict[str, Any] = {"timestep": None, "integrator": "DOP853"}
 LAWS = (*limits.LAWS, *special_limits.LAWS)
 Predict = Callable[[PlannedRun], LimitCheck | None]
 # `crept`: mean slip over mean speed; `sped`: slip after the first step over the speed of M.
@@ -204,8 +201,6 @@ SIZES: dict[str, tuple[Predict, rb.Scene, dict[str, Any], float, str, float]] = 
     # (r dt)⁶ in ten seconds
     "a low weight's path": (special_limits.low_weight, low_weight(20.0, 0.17), DAMPED,
         2.0, "path", 1.05),
-    "M by DOP853": (special_limits.errors_added, FIG12, {**BY_ERROR, "rtol": 1e-10},
-        10.0, "momentum", 0.0288),
     # μ m g T/|M|
     "rolling friction": (special_limits.drag, FIG12, {"condim": 6, "rolling_friction": 1e-3},
         2.0, "path", 1.74),
@@ -442,7 +437,6 @@ def test_the_advised_timestep_resolves_the_drive(frequency: float, preset: str) 
     assert not limit.exceeded
     # Measured 0.7 and 0.6.
     assert 0.2 < pair_of(scene, finer, times).path_error / limit.value < 2.0
-    assert special_limits.drive_seen(PlannedRun(scene, ADAPTIVE, 0.5)) is None
 
 
 def test_the_search_for_a_timestep_shortens_it_by_at_least_a_tenth() -> None:
@@ -476,7 +470,7 @@ def checks() -> Iterator[tuple[str, LimitCheck]]:
     dry = FIG12.with_hinges(motor={"rotor1": Free(friction=0.01)})
     turntable = rb.load_scene("turntable")
     for scene in (dry, turntable, *map(rb.load_scene, names)):
-        for settings in (rb.preset("naive"), ADAPTIVE, recipe("x", 1e-2), other):
+        for settings in (rb.preset("naive"), rb.preset("exact"), recipe("x", 1e-2), other):
             yield from limit_checks(PlannedRun(scene, settings, 10.0)).items()
     slick = replace(FIG12, friction=Friction(0.5, 0.5), duration=1.0)
     for scene in (slipping(1e3), slick):
@@ -491,22 +485,8 @@ def test_every_limit_has_a_nearness_and_a_warning() -> None:
 
 
 def test_a_run_of_more_than_max_steps_is_refused() -> None:
-    """Before the model is built; an adaptive run stops after max_steps steps."""
+    """Before the model is built."""
     for duration, steps in ((1e6, "50000000"), (1e45, "5e+46")):
         facts = f"{steps} 0.02~s max_steps 10000000"
         with pytest.raises(rb.InputError, match=naming(facts)):
             rb.simulate(FIG12, np.array([0.0, duration]), settings="fast")
-    motion = rb.simulate(FIG12, settings=replace(ADAPTIVE, max_steps=100))
-    (fault,) = motion.report.faults
-    assert (motion.report.steps, fault.kind) == (100, rb.FaultKind.OUT_OF_STEPS)
-    assert unnamed("max_steps 100", fault.text) == []
-    assert motion.times[-1] <= fault.time < 10.0
-
-
-def test_adaptive_steps_of_stiff_servos_are_refused() -> None:
-    """Before the run, from their rate times the duration."""
-    ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), (Hinge(Frame(0.5, 4e-5 * np.eye(3))),))
-    scene = robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(500.0),))
-    facts = naming("servos 1.98…e+07 adaptive")
-    with pytest.warns(rb.SceneWarning), pytest.raises(rb.InputError, match=facts):
-        rb.simulate(scene, settings=ADAPTIVE)

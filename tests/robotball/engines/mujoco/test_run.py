@@ -1,15 +1,11 @@
 """MuJoCo agrees with the equations for balanced balls: path, momentum, attitude and torques."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import adaptive
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import recipe
 from robotball.engines.mujoco.stepping import stretches
 from tests.motions import pair_of
 
@@ -63,15 +59,6 @@ def test_sparse_samples_take_the_same_steps_as_dense_ones() -> None:
     assert progress[-1] == pytest.approx(1.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("timestep", [0.02, 0.005])
-def test_samples_may_coincide_with_steps_of_dop853(timestep: float) -> None:
-    """A step that ends on a sample time is read once and raises no fault."""
-    settings = recipe("fixed", 1e-9, integrator="DOP853", timestep=timestep, rtol=1.0)
-    pair = pair_of(FIG12, settings, rb.sample_times(0.5))
-    assert pair.report.faults == ()
-    assert pair.path_error < 1e-12  # measured 1.9e-13, rounding
-
-
 @pytest.mark.parametrize("preset", ["fast", "naive"])
 def test_a_servo_torque_is_its_clipped_law(preset: str) -> None:
     """The torque is kv times the rate error, clipped at the limit.
@@ -87,19 +74,6 @@ def test_a_servo_torque_is_its_clipped_law(preset: str) -> None:
     assert np.abs(torque - law).max() < 5e-14  # measured 1.4e-14 N m: rounding
     # 39 and 46 of 101 samples are at the upper limit, 31 and 27 at the lower one.
     assert min((law == 3.0).sum(), (law == -3.0).sum(), (np.abs(law) < 3.0).sum()) > 20
-
-
-def test_adaptive_steps_too_short_to_finish_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Long before max_steps: near a standstill, 1000 steps may cover a millionth of the motion."""
-    monkeypatch.setattr(adaptive, "_PACE", 100)
-    monkeypatch.setattr(adaptive, "_ENDLESS", 100)
-    settings = recipe("adaptive", 1e-11, integrator="DOP853", rtol=1e-15)
-    settings = replace(settings, max_steps=600)  # fig12 takes 40 a second
-    (fault,) = rb.simulate(FIG12, rb.sample_times(40.0), settings=settings).report.faults
-    assert (fault.kind, fault.fatal) == (rb.FaultKind.STEP_TOO_SHORT, True)
-    assert fault.time < 4.0  # measured 3.2
-    for fact in ("128 cover", "max_steps = 600", "shorten the motion", "timestep"):
-        assert fact in fault.text
 
 
 def test_steps_end_on_every_sample_and_breakpoint() -> None:

@@ -72,7 +72,7 @@ class Outcome(Enum):
     OFF_RATE = ("off rate", 0.9, "----", "a drive lost its rate")
     DIVERGED = ("diverged", 0.55, "", "diverged and reported")
     REFUSED = ("refused", 1.0, "xxxx", "refused before the run, with one line")
-    UNFINISHED = ("out of time", 1.0, "\\\\\\\\", "stopped at its limit of time")
+    UNFINISHED = ("out of time", 1.0, "\\\\\\\\", "stopped at its limit of steps or time")
     FAILED = ("failed", 0.15, "xxxx", "ended in an unexpected error")
 
     def __init__(self, word: str, grey: float, hatch: str, sentence: str) -> None:

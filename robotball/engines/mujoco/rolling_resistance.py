@@ -23,7 +23,8 @@ _RESTING = 1e-13  # rad/s: below this there is no rolling to remove
 _APPROACH = 0.5  # longest step near a standstill, as a part of the time to it
 _TURNED = 2.0  # longest step times the rate of the rolling's direction; RK4 is stable up to 2.8
 _SHORTEST = 1e-6  # of a step: a shorter part is joined to the one before it
-_RK4 = [*map(np.array, ([], [0.5], [0.0, 0.5], [0.0, 0.0, 1.0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]))]
+# The stages of RK4.
+_WEIGHTS = [*map(np.array, ([], [0.5], [0.0, 0.5], [0.0, 0.0, 1.0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]))]
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 # A diverging state overflows before the monitor ends the run.
 _overflowing = np.errstate(all="ignore")
@@ -43,7 +44,7 @@ class Resistance:
         self.weight = float(-scene.ball.mass * scene.gravity_world[2])  # N, of a ball at rest
         self.load_varies, self.plane_velocity = scene.load_varies, scene.plane_velocity
         self.shell = model.compiled.body("shell").id
-        self.rk4 = RungeKutta(control, 4, _RK4, (0.0, 0.5, 0.5, 1.0, 1.0)).step
+        self.rk4 = RungeKutta(control, 4, _WEIGHTS, (0.0, 0.5, 0.5, 1.0, 1.0)).step
 
     @_overflowing
     def forward(self, data: mujoco.MjData, sensors: bool) -> None:

@@ -119,7 +119,7 @@ class _Together:
         self.size = min(int(_BYTES / (8 * math.prod(self.shape))), _ABREAST)
         long = self.shape[0] >= _LONG * len(self.groups)
         with controlled(model) as control:
-            self.steps_alone = model.settings.own and long and control.is_plain
+            self.steps_alone = long and control.is_plain
         self.idle: SimpleQueue[mujoco.MjData] = SimpleQueue()
         for _ in range(allowed()):
             self.idle.put(mujoco.MjData(copy(compiled)))

@@ -366,24 +366,8 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
     return error_check(value, plan.settings.error_tolerance, effect, "set start_in_equilibrium")
 
 
-_OF_ROBOTS = (
-    low_weight,
-    servo_gain,
-    friction_row,
-    friction_parts,
-    drive_seen,
-    servo_droop,
-)
-_OF_CONTACTS = (
-    late_friction,
-    lifted,
-    raised_friction,
-    contact_dimension,
-    drag,
-    frame_as_root,
-    turning_plane,
-    creep,
-    start_depth,
-    first_step,
-)
-LAWS: tuple[Law, ...] = _OF_ROBOTS + _OF_CONTACTS
+LAWS: tuple[Law, ...] = (
+    low_weight, servo_gain, friction_row, friction_parts, drive_seen, servo_droop, late_friction,
+    lifted, raised_friction, contact_dimension, drag, frame_as_root, turning_plane, creep,
+    start_depth, first_step,
+)  # fmt: skip

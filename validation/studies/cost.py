@@ -113,7 +113,8 @@ def configurations(quick: bool = False) -> list[Settings]:
     """Return the distinct settings of the study, presets first; a few of each in the quick form."""
     if quick:
         every = [*PRESETS.values(), *_lines((_RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
-        every += [*_star(NAIVE, _SHOWN_STEPS[1:2], ("RK4",))][::4]
+        order_8 = _lines((_RECIPE,), _LINE[1:3], (ORDER_8,))
+        every += [*order_8, *_star(NAIVE, _SHOWN_STEPS[1:2], ("RK4",))][::4]
     else:
         every = [
             *PRESETS.values(),

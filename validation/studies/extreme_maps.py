@@ -20,7 +20,7 @@ from ..sweeps import Cell
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
 ERROR_TOLERANCE = 1e-2  # relative error tolerance of a cell
-_MOST_STEPS = 100_000  # of a cell, ten seconds; fast rotations and servos shorten steps of order 8
+_MOST_STEPS = 30_000  # of a cell, some seconds; fast rotations and servos shorten steps of order 8
 _COUNT = 8  # default number of values on an axis
 _QUICK_INTEGRATORS = ("Euler", "RK4", ORDER_8)
 _QUICK_COUNT = 3  # values on an axis of the quick form

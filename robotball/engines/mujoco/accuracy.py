@@ -170,21 +170,14 @@ class _Search:
 
         A drive whose period divides both steps looks constant in both runs.
         """
-        step = fine.report.timestep
-        error = self.error(coarse, fine, coarse.report.timestep / step, self.order)
-        return max(error, self.scene.sampling_error(float(self.times[-1]), step))
-
-    def error(
-        self, coarse: ContactMotion, fine: ContactMotion, ratio: float, order: float
-    ) -> float:
-        """Estimate the fine run's path error from one with `ratio` times its steps."""
-        if not len(coarse.times) or len(fine.times) < len(self.times):
-            return np.inf
+        step, end = fine.report.timestep, max(coarse.times, default=0.0)
+        ratio = coarse.report.timestep / step
         # A controller that acts within both steps cuts them to the same length.
-        if coarse.times[-1] < fine.times[-1] or ratio == 1.0:
+        if len(fine.times) < len(self.times) or end < fine.times[-1] or ratio == 1.0:
             return np.inf
         difference = path_error(coarse, fine)
-        return difference if difference > _APART else difference / (ratio**order - 1)
+        error = difference if difference > _APART else difference / (ratio**self.order - 1)
+        return max(error, self.scene.sampling_error(float(self.times[-1]), step))
 
     def refinement(self, error: float, order: float) -> float:
         """Return the factor by which to shorten the steps of a run with this error."""

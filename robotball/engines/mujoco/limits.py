@@ -529,15 +529,6 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
 
 
 LAWS: tuple[Law, ...] = (
-    rotation,
-    momentum_lost,
-    friction_damping,
-    contact_spring,
-    raised_solref,
-    sliding_friction,
-    torsional_friction,
-    friction_block,
-    solver_tolerance,
-    largest_number,
-    prescribed_rate,
-)
+    rotation, momentum_lost, friction_damping, contact_spring, raised_solref, sliding_friction,
+    torsional_friction, friction_block, solver_tolerance, largest_number, prescribed_rate,
+)  # fmt: skip

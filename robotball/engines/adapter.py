@@ -198,14 +198,20 @@ def by_name(*presets: Kind) -> dict[str, Kind]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointSettings(StepSettings):
-    """Settings of an engine whose point contact resists no spin, or whose contact is not used.
+class SpinSettings(StepSettings):
+    """Settings of an engine whose point contact resists no spin.
 
     spin_part: gain of our torque against spin, relative to inertia over step. Explicit integration
     is stable up to 2; 0 applies no torque.
     """
 
     spin_part: float = 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointSettings(SpinSettings):
+    """Settings of such an engine, or of its dynamics without its contact."""
+
     ideal: Literal["RK4", "DOP853"] | None = None  # our constraints on the engine's dynamics
     rtol: float = 1e-12  # of DOP853
 
@@ -215,7 +221,7 @@ def either(real: Callable[..., World], ideal: Callable[..., World]) -> Callable[
     return lambda scene, settings, step: (ideal if settings.ideal else real)(scene, settings, step)
 
 
-def spin_damping(scene: Scene, settings: PointSettings, step: float) -> float:
+def spin_damping(scene: Scene, settings: SpinSettings, step: float) -> float:
     """Return c of our torque -c (ω, e_z) on a rubber shell [N m s]; 0 for the classical model.
 
     c = spin_part · (the ball's smallest principal moment) / step.
@@ -232,9 +238,9 @@ def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | N
     return f"its contact has no torsional friction: {instead}"
 
 
-def spins(scene: Scene, settings: PointSettings) -> str | None:
+def spins(scene: Scene, settings: SpinSettings) -> str | None:
     """Return a line if the shell spins freely or with our damping, else None."""
-    if settings.ideal:
+    if getattr(settings, "ideal", None):
         return None
     damped = ["a torque of ours damps the spin"] if settings.spin_part else []
     return no_torsion(scene, *damped)
@@ -242,6 +248,21 @@ def spins(scene: Scene, settings: PointSettings) -> str | None:
 
 def in_single_precision(scene: Scene, settings: Any) -> str:
     return "its state is in single precision"
+
+
+def _beyond_given_rates(scene: Scene) -> str | None:
+    """Return in one line what a scene has beyond given rates on a plane that keeps level."""
+    if scene.ball.links:
+        return "its adapter supports a shell, a frame, rotors and pendulums, but no other links"
+    if any(hinge.motor for hinge in scene.hinges):
+        return "its adapter needs prescribed hinge rates, but a hinge has a motor"
+    if any(hinge.angle for hinge in scene.hinges):
+        return "its adapter needs all hinges at angle 0 at the start"
+    if scene.friction.rolling:
+        return "its adapter does not support rolling friction"
+    if scene.plane_turns:
+        return "its adapter does not support rotation, but the plane turns"
+    return None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,6 +282,8 @@ class Adapter(Engine):
         (scene, settings) -> one line on physics that the engine lacks for the scene, or None.
     sets_gravity : bool
         Whether its worlds can change gravity during a run.
+    rolls_unbalanced : bool
+        Whether its worlds also roll balls that are not balanced, and on tilted planes.
     environments : Path
         The folder of engine environments.
     """
@@ -273,6 +296,7 @@ class Adapter(Engine):
     lacks: Callable[[Scene, Any], str | None] = lambda *_: None
     default: str = "best"
     sets_gravity: bool = False
+    rolls_unbalanced: bool = False
     environments: Path = ENVIRONMENTS
 
     @property
@@ -288,15 +312,17 @@ class Adapter(Engine):
         return all(find_spec(name) is not None for name in self.packages)
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Return in one line why adapters cannot roll the scene, or None."""
+        """Return in one line why its adapter cannot roll the scene, or None."""
+        if scene.plane_moves and not self.sets_gravity:
+            return "its adapter keeps gravity constant, but this plane moves"
+        if self.rolls_unbalanced:
+            return _beyond_given_rates(scene)
         if scene.not_reduced:
             return (
                 f"its adapter needs prescribed hinge rates in a balanced ball: {scene.not_reduced}"
             )
         if scene.ball.shell.offset:
             return "its adapter needs the shell's centre of mass at the sphere's centre"
-        if scene.plane_moves and not self.sets_gravity:
-            return "its adapter keeps gravity constant, but this plane moves"
         return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:

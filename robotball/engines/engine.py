@@ -152,6 +152,7 @@ OURS = {
     "newton": "robotball.engines.newton:NEWTON",
     "physx": "robotball.engines.physx:PHYSX",
     "pinocchio": "robotball.engines.pinocchio:PINOCCHIO",
+    "rapier": "robotball.engines.rapier:RAPIER",
 }
 
 

@@ -145,29 +145,11 @@ class _ContactWorld(adapter.SteppedWorld):
         return force_on_ball([self.contact_force])
 
 
-class _Pinocchio(adapter.Adapter):
-    """Adapter that also rolls unbalanced balls and tilted planes."""
-
-    def cannot_express(self, scene: Scene) -> str | None:
-        """Return in one line why it cannot roll the scene, or None."""
-        if scene.ball.links:
-            return "its adapter supports a shell, a frame, rotors and pendulums, but no other links"
-        if any(hinge.motor for hinge in scene.hinges):
-            return "its adapter needs prescribed hinge rates, but a hinge has a motor"
-        if any(hinge.angle for hinge in scene.hinges):
-            return "its adapter needs all hinges at angle 0 at the start"
-        if scene.friction.rolling:
-            return "its adapter does not support rolling friction"
-        if scene.plane_turns:
-            return "its adapter does not support rotation, but the plane turns"
-        return None
-
-
 _AS_IT_COMES = _PinocchioSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, spin_part=0.0
 )
 
-PINOCCHIO = _Pinocchio(
+PINOCCHIO = adapter.Adapter(
     label=Label("Pinocchio", adapter.version_of("pin"), "#56B4E9", "D"),
     packages=("pinocchio",),
     extra="pinocchio",
@@ -182,5 +164,6 @@ PINOCCHIO = _Pinocchio(
     ),
     world=adapter.either(_ContactWorld, _PinocchioWorld),
     sets_gravity=True,
+    rolls_unbalanced=True,
     lacks=adapter.spins,
 )

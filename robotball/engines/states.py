@@ -5,7 +5,7 @@ Jacobian of a contact on the root body has no drift term, which engines omit
 (docs/findings/mujoco_frame_root.py).
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -146,30 +146,35 @@ def readings_of(
     )
 
 
-def _frame_and_momentum(scene: Scene, state: State) -> tuple[Array, Array, Array]:
-    """Return the frame's attitude and ω, and L about the contact point, in world axes (n, …)."""
-    arm = state.centre * _UP
-    # By link: attitude, ω, and the position and velocity of its pivot.
-    states: dict[str, tuple[Array, Array, Array, Array]] = {}
-    L = np.zeros_like(state.centre)
+def link_motions(scene: Scene, state: State) -> Iterator[tuple[Link, Array, Array, Array, Array]]:
+    """Yield each link with its attitude, ω, and its pivot's position and velocity, world axes."""
+    known: dict[str, tuple[Array, Array, Array, Array]] = {}
     for i, link in enumerate(links_of(scene)):
-        q, omega, pivot, pivot_velocity = state.attitude, state.omega, arm, state.velocity
+        q, omega, pivot, velocity = state.attitude, state.omega, state.centre, state.velocity
         if link.parent:
-            q, omega, pivot, pivot_velocity = states[link.parent]
-            angle, rate = state.angles[:, i - 1, None], state.rates[:, i - 1, None]
+            q, omega, pivot, velocity = known[link.parent]
+            angle, rate = state.angles[..., i - 1, None], state.rates[..., i - 1, None]
             R = rotation_matrix(q)
             offset = R @ link.pivot
-            pivot, pivot_velocity = pivot + offset, pivot_velocity + np.cross(omega, offset)
-            half = np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * link.axis], axis=1)
+            pivot, velocity = pivot + offset, velocity + np.cross(omega, offset)
+            half = np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * link.axis], axis=-1)
             q, omega = multiply(q, half), omega + rate * (R @ link.axis)
-        states[link.name] = q, omega, pivot, pivot_velocity
+        known[link.name] = q, omega, pivot, velocity
+        yield link, *known[link.name]
+
+
+def _frame_and_momentum(scene: Scene, state: State) -> tuple[Array, Array, Array]:
+    """Return the frame's attitude and ω, and L about the contact point, in world axes (n, …)."""
+    L = np.zeros_like(state.centre)
+    for link, q, omega, pivot, pivot_velocity in link_motions(scene, state):
         R = rotation_matrix(q)
         lever = R @ link.centre
-        velocity = pivot_velocity + np.cross(omega, lever)
+        arm = pivot + lever - state.centre * (1.0 - _UP)
         central = np.einsum("nij,jk,nlk,nl->ni", R, link.inertia, R, omega)
-        L = L + central + link.mass * np.cross(pivot + lever, velocity)
-    attitude, omega, *_ = states["frame"]
-    return attitude, omega, L
+        L = L + central + link.mass * np.cross(arm, pivot_velocity + np.cross(omega, lever))
+        if link.name == "frame":
+            attitude, frame_omega = q, omega
+    return attitude, frame_omega, L
 
 
 def motion_of_rows(

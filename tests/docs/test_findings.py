@@ -12,7 +12,7 @@ FOLDER = Path(__file__).parents[2] / "docs/findings"
 PACKAGES = {
     "mujoco": "mujoco", "warp": "mujoco_warp", "pybullet": "pybullet", "drake": "pydrake",
     "exudyn": "exudyn", "pinocchio": "pinocchio", "dart": "dartpy", "physx": "sapien",
-    "newton": "newton", "mjx": "jax",
+    "newton": "newton", "mjx": "jax", "rapier": "rapier3d",
     # Modules of MuJoCo's extra `sysid`, without which its toolbox is empty.
     "mujoco_sysid_contact": "tabulate", "mujoco_sysid_late": "tabulate",
 }  # fmt: skip
@@ -138,6 +138,13 @@ EXPECTED = {
     "physx_rate_limit": "default: 99.9 100.1; raised: 149.9 150.1",
     "physx_momentum": "10 ms: -3e-6 3e-6; 1 ms: -3e-6 3e-6; 0.1 ms: 2e-4 5e-4",
     "physx_slip": "1 ms: 1.2e-3 2e-3; 0.1 ms: 2.8e-3 4.2e-3; 0.01 ms: 5.5e-3 9e-3",
+    # 1e-7 per substep, and a rounding of the angle that depends on its size: single precision.
+    "rapier_gyroscopic":
+        "10 ms: 3e-4 4.5e-4; 1 ms: 3e-3 5e-3; 0.1 ms: 0.03 0.05; "
+        "without correction, 0.1 ms: -1e-7 1e-7",
+    "rapier_hinge_angle":
+        "10 ms: -4e-5 4e-5; 1 ms: -4e-4 -1.5e-4; 0.1 ms: -6e-3 -3e-3",
+    "rapier_rate_limit": "default: 47.1 47.2; allowed: 99.9 100.1",
     "warp_single_precision":
         "MuJoCo, 20 ms: -3.1e-7 -3e-7; Warp, 20 ms: -4e-7 -2e-7; "
         "MuJoCo, 5 ms: -6e-10 -5e-10; Warp, 5 ms: -1e-7 -1e-8",

@@ -234,7 +234,7 @@ def test_a_moving_plane_is_written_to_files(tmp_path: Path) -> None:
 def test_engines_with_constant_gravity_refuse_a_moving_plane(name: str) -> None:
     """The other engines set gravity at every step."""
     engine, up = engine_named(name), moved(FIG12, 0.0, 0.0, sine(2.0, 3.0))
-    sets = name in ("bullet", "dart", "pinocchio")
+    sets = name in ("bullet", "dart", "pinocchio", "rapier")
     assert (engine.cannot_express(up) is None) == sets
     if not sets:
         assert unnamed("gravity plane", engine.cannot_express(up) or "") == []

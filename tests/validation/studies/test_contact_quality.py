@@ -95,6 +95,7 @@ def test_unknown_residuals_are_none() -> None:
         ("pinocchio", "contact", 1e-3, 2.0e-3),
         ("exudyn", "contact", 5e-3, 5.7e-3),  # its force oscillates from step to step
         ("genesis", "best", 1e-3, 7.1e-3),
+        ("rapier", "best", 1e-3, 2.2e-2),
     ],
 )
 def test_an_engine_reports_its_contact_force(

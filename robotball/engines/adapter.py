@@ -81,6 +81,11 @@ class World(ABC):
         angles, rates = np.array([(drive.angle(t), drive.rate(t)) for drive in drives], float).T
         return angles, rates
 
+    def with_turns(self, angles: Array, t: float) -> Array:
+        """Return measured hinge angles (h,) with the whole turns of the drives at t [s]."""
+        turn = 2 * np.pi
+        return angles + turn * np.round((self.hinges_at(t)[0] - angles) / turn)
+
     def stretches(
         self, times: Array, timestep: float
     ) -> Iterator[tuple[float, float, int, float | None]]:
@@ -100,6 +105,7 @@ class SteppedWorld(World):
     """An engine that Python steps, one call per step."""
 
     any_step = False  # True if the steps of one world may differ in length
+    sampled = 0.0  # s, the time of the sample that is read
 
     @abstractmethod
     def control(self, t: float, step: float) -> None:
@@ -128,6 +134,7 @@ class SteppedWorld(World):
             self._loop(self.step, begin, length, count)
             if sample is not None:
                 self.wait()
+                self.sampled = sample
                 yield self.state
 
     def python_seconds(self) -> float:

@@ -4,7 +4,6 @@ Its contact at one point resists no spin; we apply a torque against spin instead
 impulse joints: a multibody rounds every hinge angle as it grows (docs/engines.md).
 """
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,7 +71,7 @@ class _RapierWorld(adapter.ServoWorld):
                 ends = handles[link.parent], handles[link.name]
                 self.hinges.append(world.impulse_joints.insert(*ends, hinge))
         self.bodies = {name: world.rigid_bodies[handle] for name, handle in handles.items()}
-        self.shell, self.offset, self.t = self.bodies["shell"], links_of(scene)[0].centre, 0.0
+        self.shell, self.offset = self.bodies["shell"], links_of(scene)[0].centre
         self.damping = adapter.spin_damping(scene, settings, step)
         self.set_rates(self.now.rates)
 
@@ -99,10 +98,6 @@ class _RapierWorld(adapter.ServoWorld):
         torque = adapter.seconds_per_call(self._resist_spin) * self.steps if self.damping else 0.0
         return super().python_seconds() + torque
 
-    def march(self, times: Array, timestep: float) -> Iterator[Callable[[], State]]:
-        for self.t, read in zip(times[1:].tolist(), super().march(times, timestep), strict=True):
-            yield read
-
     def state(self) -> State:
         attitudes = {name: _attitude(body) for name, body in self.bodies.items()}
         omegas = {name: _array(body.angvel) for name, body in self.bodies.items()}
@@ -114,13 +109,11 @@ class _RapierWorld(adapter.ServoWorld):
             rate = (omegas[link.name] - omegas[link.parent]) @ rotation_matrix(parent) @ link.axis
             hinges.append((angle, rate))
         angles, rates = np.array(hinges).T
-        # Rapier keeps no hinge angle; whole turns are taken from the drives.
-        turns = np.round((self.hinges_at(self.t)[0] - angles) / (2 * np.pi))
         q, omega = attitudes["shell"], omegas["shell"]
         # Rapier's velocity is that of the centre of mass.
         velocity = _array(self.shell.linvel) - np.cross(omega, rotation_matrix(q) @ self.offset)
         centre = _array(self.shell.translation)
-        return State(centre, velocity, q, omega, angles + 2 * np.pi * turns, rates)
+        return State(centre, velocity, q, omega, self.with_turns(angles, self.sampled), rates)
 
     def force(self) -> Array:
         pairs = self.world.narrow_phase.contact_pairs_with(self.plane)

@@ -96,6 +96,7 @@ def test_unknown_residuals_are_none() -> None:
         ("exudyn", "contact", 5e-3, 5.7e-3),  # its force oscillates from step to step
         ("genesis", "best", 1e-3, 7.1e-3),
         ("rapier", "best", 1e-3, 2.2e-2),
+        ("physx", "best", 1e-3, 1.0e-4),
     ],
 )
 def test_an_engine_reports_its_contact_force(

@@ -36,7 +36,7 @@ class _PhysxSettings(adapter.StepSettings):
     gain: float  # N m s/rad, of the hinges' velocity drives
     armature: float | None = None  # kg m², reflected inertia of the hinges
     damping: float | None = None  # 1/s, of each body's angular velocity
-    most_rate: float | None = None  # rad/s, at which PhysX clips the bodies' angular velocities
+    most_rate: float | None = None  # rad/s, at which PhysX clips the bodies' initial rates
     patch: float | None = None  # m, radius of the contact patch against spin; for rubber balls only
     iterations: int | None = None  # of the solver, for positions
     threads: int | None = None  # of the solver, beside Python's
@@ -212,7 +212,7 @@ _AS_IT_COMES = _PhysxSettings(
 )
 # The patch resists spin; the armature keeps hinge rates in single precision; the rate limit is far
 # above the rotor's 148 rad/s, which the default of 100 rad/s would clip. More iterations round the
-# hinge angles more often. Worker threads take 50 times the processor time of one ball.
+# hinge angles more often. With worker threads a step takes 50 times the processor time.
 _BEST = _PhysxSettings(
     name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, friction=20.0, gain=1e8,
     armature=1e4, damping=0.0, most_rate=1e6, patch=20.0, iterations=20, threads=0,

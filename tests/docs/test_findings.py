@@ -11,7 +11,7 @@ import pytest
 FOLDER = Path(__file__).parents[2] / "docs/findings"
 PACKAGES = {
     "mujoco": "mujoco", "warp": "mujoco_warp", "pybullet": "pybullet", "drake": "pydrake",
-    "exudyn": "exudyn", "pinocchio": "pinocchio", "dart": "dartpy", "physx": "sapien",
+    "exudyn": "exudyn", "pinocchio": "pinocchio", "dart": "dartpy", "physx": "ovphysx",
     "newton": "newton", "mjx": "jax", "rapier": "rapier3d",
     # Modules of MuJoCo's extra `sysid`, without which its toolbox is empty.
     "mujoco_sysid_contact": "tabulate", "mujoco_sysid_late": "tabulate",
@@ -135,9 +135,10 @@ EXPECTED = {
         "corrector 100 /s: 2.5e-4 2.7e-4",
     "dart_first_order": FIRST_ORDER,
     "dart_spin": "spinning: 1.0 1.0; rolling: 0.99999999 1.00000001",
-    "physx_rate_limit": "default: 99.9 100.1; raised: 149.9 150.1",
+    "physx_rate_limit":
+        "started, default: 99.9 100.1; started, raised: 149.9 150.1; driven, default: 149.9 150.1",
     "physx_momentum": "10 ms: -3e-6 3e-6; 1 ms: -3e-6 3e-6; 0.1 ms: 2e-4 5e-4",
-    "physx_slip": "1 ms: 1.2e-3 2e-3; 0.1 ms: 2.8e-3 4.2e-3; 0.01 ms: 5.5e-3 9e-3",
+    "physx_slip": "10 ms: 2e-3 4e-3; 1 ms: 1e-3 2e-3; 0.1 ms: 1e-2 2.5e-2",
     # 1e-7 per substep, and a rounding of the angle that depends on its size: single precision.
     "rapier_gyroscopic":
         "10 ms: 3e-4 4.5e-4; 1 ms: 3e-3 5e-3; 0.1 ms: 0.03 0.05; "

@@ -240,7 +240,7 @@ with contextlib.suppress(SystemExit): main(["engines"])"""
         ("from validation import compare; compare('fig12')", 29, {"matplotlib", "numba", "scipy"}),
         ("import robotball as rb; rb.integrate('fig12', 0.1)", 16, {"mujoco", "numba", "scipy"}),
         ("import robotball as rb; rb.integrate('pendulum_robot', 0.1)", 31, PARTS_OF_SCIPY),
-        (LISTED, 63, {"matplotlib", "numba", "scipy"}),
+        (LISTED, 64, {"matplotlib", "numba", "scipy"}),
         ("import validation.studies.fitting", 39, {"matplotlib", "scipy.stats"}),
         ("import robotball.view.render", 19, {"matplotlib.pyplot", "scipy"}),
         ("import validation.cli", 5, {"numpy", "msgspec"}),  # robotball --help

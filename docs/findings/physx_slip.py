@@ -1,8 +1,8 @@
 """A ball's slip in PhysX does not decrease with the step.
 
 A ball of radius 1 m rolls down a slope for 1 s with friction 1, ten times the necessary value.
-Printed: the largest slip [m/s] at three step lengths. A first-order method would have a tenth at a
-tenth.
+Printed: the largest slip [m/s], read every 10 ms, at three step lengths. A first-order method would
+have a tenth at a tenth.
 """
 
 from importlib.metadata import version
@@ -82,8 +82,9 @@ def read(physx, kind, name):
 
 def slip(step):
     (physx, stage), largest = started(BALL), 0.0
-    for _ in range(round(1 / step)):
-        physx.step_sync(step)
+    for _ in range(100):
+        for _ in range(round(0.01 / step)):
+            physx.step_sync(step)
         velocity, omega = (
             read(physx, "RIGID_BODY", f"{kind}Velocity") for kind in ("linear", "angular")
         )

@@ -138,7 +138,7 @@ EXPECTED = {
     "physx_rate_limit":
         "started, default: 99.9 100.1; started, raised: 149.9 150.1; driven, default: 149.9 150.1",
     "physx_momentum": "10 ms: -3e-6 3e-6; 1 ms: -3e-6 3e-6; 0.1 ms: 2e-4 5e-4",
-    "physx_slip": "10 ms: 2e-3 4e-3; 1 ms: 1e-3 2e-3; 0.1 ms: 1e-2 2.5e-2",
+    "physx_slip": "10 ms: 2e-3 4e-3; 1 ms: 8e-4 2e-3; 0.1 ms: 5e-3 2e-2",
     # 1e-7 per substep, and a rounding of the angle that depends on its size: single precision.
     "rapier_gyroscopic":
         "10 ms: 3e-4 4.5e-4; 1 ms: 3e-3 5e-3; 0.1 ms: 0.03 0.05; "

@@ -133,6 +133,9 @@ def _attitude(body: Any) -> Array:
 _AS_IT_COMES = _RapierSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1 / 60, spin_part=0.0
 )
+# The ball needs a friction of 1.2. By default Rapier would limit the rotor to 45° per step. With
+# substeps longer than 50 µs the first-order error grows, with shorter ones rounding does
+# (docs/findings/rapier_gyroscopic.py).
 _BEST = _RapierSettings(
     name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, friction=20.0,
     substeps=20, gain=1e9, by_force=True, fast_rotation=True,

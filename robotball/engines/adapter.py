@@ -14,6 +14,7 @@ where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs 
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from cProfile import Profile
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -37,6 +38,7 @@ from robotball.rotations import Array, quaternion_product
 from robotball.theory.dop853 import Compensated, Rate, one_by_one
 
 _CALLS = 200  # calls or steps without the engine, to time Python's share of a run
+_LAUNCH = 10e-6  # s; a compiled function that takes less is a launch, or part of Python
 _ABREAST = 1024  # most balls in one world: all their samples stay in memory until the end
 
 
@@ -168,6 +170,44 @@ class ServoWorld(SteppedWorld):
         self.set_rates(self.hinges_at(t + step)[1])
 
 
+class CapturedWorld(SteppedWorld):
+    """An engine of Warp's kernels. A step is captured as a graph, and Python launches the graph."""
+
+    def __init__(self, scene: Scene, device: str) -> None:
+        super().__init__(scene)
+        import warp
+
+        warp.config.log_level = warp.LOG_WARNING
+        warp.init()
+        self.warp, self.graphs = warp, dict[float, Any]()
+        self.device = on_device(self, device, warp.is_cuda_available())
+
+    @abstractmethod
+    def take(self, step: float) -> None:
+        """Take one step of the engine [s] by launching each of its kernels from Python."""
+
+    def capture(self, step: float) -> Any:
+        """Return the graph of a step [s]. Capturing one takes no step."""
+        length = float(np.float32(step))  # the engines' precision
+        if length not in self.graphs:
+            with self.warp.ScopedDevice(self.device), self.warp.ScopedCapture() as captured:
+                self.take(length)
+            self.graphs[length] = captured.graph
+        return self.graphs[length]
+
+    def step(self, step: float) -> None:
+        self.warp.capture_launch(self.capture(step))
+
+    def wait(self) -> None:
+        self.warp.synchronize_device(self.device)
+
+    def python_seconds(self) -> float:
+        with self.warp.ScopedDevice(self.device), self.warp.ScopedCapture() as captured:
+            self.warp.zeros(1)
+        launch = partial(self.warp.capture_launch, captured.graph)
+        return super().python_seconds() + seconds_per_call(launch) * self.steps
+
+
 def on_device(world: World, device: str, cuda: bool) -> str:
     """Return the device that runs a world's balls, and choose the clock for it.
 
@@ -186,6 +226,24 @@ def seconds_per_call(call: Callable[[], object]) -> float:
     for _ in range(_CALLS):
         call()
     return (time.process_time() - began) / _CALLS
+
+
+def python_part(world: SteppedWorld) -> float:
+    """Return the processor time of Python and of launching in all steps [s].
+
+    For engines that are written in Python. It is measured on a few more steps, as the time outside
+    compiled functions that take more than 10 µs.
+    """
+    take, profile = (
+        partial(world._loop, world.step, 0.0, world.longest, 1),
+        Profile(time.process_time),
+    )
+    whole = seconds_per_call(take)
+    for _ in range(_CALLS):
+        profile.runcall(take)
+    builtin = (call for call in profile.getstats() if isinstance(call.code, str))
+    compiled = sum(c.inlinetime for c in builtin if c.inlinetime > _LAUNCH * c.callcount)
+    return max(0.0, whole - compiled / _CALLS) * world.steps
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -83,6 +83,9 @@ class _GenesisWorld(adapter.ServoWorld):
     def step(self, step: float) -> None:
         self.world.step()
 
+    def python_seconds(self) -> float:
+        return adapter.python_part(self)
+
     def state(self) -> State:
         q, v = _double(self.ball.get_qpos()), _double(self.ball.get_dofs_velocity())
         attitude = q[3:7] / np.linalg.norm(q[3:7])

@@ -38,7 +38,7 @@ class _NewtonSettings(adapter.StepSettings):
     device: str | None = None  # "cpu" or "cuda": step with Warp; None: one ball with MuJoCo
 
 
-class _NewtonWorld(adapter.SteppedWorld):
+class _NewtonWorld(adapter.CapturedWorld):
     """Balls side by side, each in its own world with Warp; or one ball with MuJoCo."""
 
     any_step = True
@@ -46,14 +46,10 @@ class _NewtonWorld(adapter.SteppedWorld):
     def __init__(
         self, scene: Scene, settings: _NewtonSettings, step: float, scenes: Sequence[Scene] = ()
     ) -> None:
-        super().__init__(scene)
+        super().__init__(scene, settings.device or "cpu")
         import newton
-        import warp
 
-        warp.config.log_level = warp.LOG_WARNING
-        self.warp, self.device = warp, "cpu"
         if settings.device is not None:
-            self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
             caps = {n: min(v, cap) for n, cap in _WARP_CAPS.items() if (v := getattr(settings, n))}
             settings = replace(settings, **caps)
         self.settings, d = settings, settings.impedance
@@ -65,10 +61,10 @@ class _NewtonWorld(adapter.SteppedWorld):
         if settings.kept:
             chosen["update_data_interval"] = 0
         alone = settings.device is None
-        with warp.ScopedDevice(self.device):
+        with self.warp.ScopedDevice(self.device):
             model = self._model(newton)
             self.solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=alone, **chosen)
-            self.states, self.controls = (model.state(), model.state()), model.control()
+            self.balls, self.controls = model.state(), model.control()
         # Newton does not pass noslip on: set it in the solver's model.
         if settings.noslip is not None:
             made = self.solver.mj_model if alone else self.solver.mjw_model
@@ -81,6 +77,8 @@ class _NewtonWorld(adapter.SteppedWorld):
             data.qpos[:] = [*self._position(now), *now.attitude, *now.angles]
             data.qvel[:] = [*now.velocity, *omega, *now.rates]
         self._push(self.now.rates, np.zeros(len(scene.drives)))
+        if not alone:
+            self.capture(step)
 
     def _position(self, state: State) -> Array:
         """Return the initial centre of the shell (3,) [m], pressed into the plane."""
@@ -150,17 +148,23 @@ class _NewtonWorld(adapter.SteppedWorld):
         middle = [drive.acceleration(t + step / 2) for drive in self.scene.drives]
         self._push(self.hinges_at(t + step)[1], np.array(middle, float))
 
-    def step(self, step: float) -> None:
-        before, after = self.states
-        with self.warp.ScopedDevice(self.device):
-            self.solver.step(before, after, self.controls, None, step)
-        self.states = after, before
+    def take(self, step: float) -> None:
+        self.solver.step(self.balls, self.balls, self.controls, None, step)
 
-    def wait(self) -> None:
-        self.warp.synchronize_device(self.device)
+    def step(self, step: float) -> None:
+        if self.settings.device is not None:
+            super().step(step)
+            return
+        with self.warp.ScopedDevice(self.device):  # Warp cannot capture MuJoCo's steps
+            self.take(step)
+
+    def python_seconds(self) -> float:
+        if self.settings.device is not None:
+            return super().python_seconds()
+        return adapter.python_part(self)
 
     def state(self) -> State:
-        now, n = self.states[0], len(self.starts)
+        now, n = self.balls, len(self.starts)
         q, v = (a.numpy().astype(float).reshape(n, -1) for a in (now.joint_q, now.joint_qd))
         attitude = np.roll(q[:, 3:7], 1, axis=1)
         # Rounding to single precision leaves a quaternion whose norm is not 1.

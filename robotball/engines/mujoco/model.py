@@ -207,15 +207,16 @@ class Model:
         return data
 
 
-def build(scene: Scene, settings: Settings) -> Model:
+def build(scene: Scene, settings: Settings, sensed: bool = True) -> Model:
     """Build the model of a scene under settings, with the recipe's values for the scene's load.
 
+    sensed: with the sensors that `readings` needs, which other engines may not have.
     Raises InputError if MuJoCo refuses the model, or if its contact cannot carry the ball at the
     start.
     """
     resolved = Resolved(scene, settings)
     settings, hinges = resolved.settings, hinges_of(scene, resolved.settings)
-    root, pair = _compose(resolved, hinges)
+    root, pair = _compose(resolved, hinges, sensed)
     if settings.start_in_equilibrium:
         trial = _compiled_model(_text_of(root), settings.softness)
         pair.set("margin", _word(carrying_depth(resolved, mujoco.MjData(trial))))
@@ -224,7 +225,9 @@ def build(scene: Scene, settings: Settings) -> Model:
     return model
 
 
-def _compose(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Element, Element]:
+def _compose(
+    resolved: Resolved, hinges: tuple[ModelHinge, ...], sensed: bool
+) -> tuple[Element, Element]:
     """Return the MJCF tree and its contact pair."""
     scene, settings, ball = resolved.scene, resolved.settings, resolved.scene.ball
     root = Element("mujoco", model="robotball")
@@ -299,7 +302,8 @@ def _compose(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> tuple[Elemen
     pair = _add(contact, "pair", name="contact", geom1="floor", geom2=_SPHERE, friction=friction)
     _set(pair, condim=resolved.condim, solref=settings.solref, solimp=settings.solimp)
     _set(pair, solreffriction=settings.solreffriction)
-    _add_sensors(sensors, scene, settings.root, hinges)
+    if sensed:
+        _add_sensors(sensors, scene, settings.root, hinges)
     key = _add(keyframe, "key", name=START, ctrl=controls_at(scene, hinges, 0.0) or None)
     qpos, qvel = start_state(scene, settings.root, hinges)
     _set(key, qpos=qpos, qvel=qvel)

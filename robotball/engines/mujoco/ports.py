@@ -45,11 +45,9 @@ class _MjxWorld(adapter.World):
         import jax
         from mujoco import mjx
 
-        self.built = build(scene, replace(settings.model, timestep=step))
+        self.built = build(scene, replace(settings.model, timestep=step), sensed=False)
         start, model = self.built.start_data(), self.built.compiled
         self.friction = model.pair_friction[0, 0]
-        # The sensors are not read, and would be compiled into every stage of RK4.
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
         if settings.line_search is not None:
             model.opt.ls_iterations = settings.line_search
         cuda = jax.default_backend() == "gpu"
@@ -168,34 +166,31 @@ MJX = adapter.Adapter(
 )
 
 
-class _WarpWorld(adapter.SteppedWorld):
+class _WarpWorld(adapter.CapturedWorld):
     """One ball, or one for each of scenes, on a device of Warp."""
 
     def __init__(
         self, scene: Scene, settings: _ModelSettings, step: float, scenes: Sequence[Scene] = ()
     ) -> None:
-        super().__init__(scene)
+        super().__init__(scene, settings.device)
         import mujoco_warp
-        import warp
 
-        warp.config.log_level = warp.LOG_WARNING
-        warp.init()
-        self.warp, self.engine = warp, mujoco_warp
-        self.built = build(scene, replace(settings.model, timestep=step))
+        self.engine = mujoco_warp
+        self.built = build(scene, replace(settings.model, timestep=step), sensed=False)
         start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
         # Warp lacks this flag, and does not reset states.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        self.device = adapter.on_device(self, settings.device, warp.is_cuda_available())
         self.n = len(scenes) or 1
-        with warp.ScopedDevice(self.device):
+        with self.warp.ScopedDevice(self.device):
             self.model = mujoco_warp.put_model(self.built.compiled)
             self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
-            mujoco_warp.step(self.model, self.data)  # compiles
+            self.take(step)  # compiles
             self.data = mujoco_warp.put_data(self.built.compiled, start, self.n)
             if scenes:
                 qpos, qvel = _coordinates(self.built, scenes)
                 self.data.qpos.assign(qpos.astype(np.float32))
                 self.data.qvel.assign(qvel.astype(np.float32))
+        self.capture(step)
 
     def control(self, t: float, step: float) -> None:
         controls = [self._control(hinge, t + step / 2) for hinge in self.built.hinges]
@@ -208,12 +203,8 @@ class _WarpWorld(adapter.SteppedWorld):
             return hinge.control(t)
         return hinge.control(t) + servo.armature / servo.gain * hinge.command.acceleration(t)
 
-    def step(self, step: float) -> None:
-        with self.warp.ScopedDevice(self.device):
-            self.engine.step(self.model, self.data)
-
-    def wait(self) -> None:
-        self.warp.synchronize_device(self.device)
+    def take(self, step: float) -> None:
+        self.engine.step(self.model, self.data)
 
     def state(self) -> State:
         qpos, qvel = self.data.qpos.numpy(), self.data.qvel.numpy()

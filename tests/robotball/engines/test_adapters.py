@@ -4,13 +4,16 @@ The shared code is tested here with states from the equations and MuJoCo's mass 
 run if it is installed.
 """
 
+import sys
 import time
 import tomllib
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,16 +24,18 @@ from robotball import FaultKind
 from robotball.engines import adapter
 from robotball.engines.adapter import (
     Adapter,
+    CapturedWorld,
     IdealWorld,
     PointSettings,
     ServoWorld,
     StepSettings,
     by_name,
     on_device,
+    python_part,
     spin_damping,
 )
 from robotball.engines.engine import OURS
-from robotball.engines.environments import ENVIRONMENTS, interpreter_of
+from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.pinocchio import PINOCCHIO
 from robotball.engines.states import State, force_on_ball, links_of, principal_inertia
 from robotball.motion import Label, momentum_error, path_error
@@ -39,6 +44,7 @@ from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from tests.messages import naming, unnamed
 from tests.robotball.theory.multibody.second_form import SecondForm
 from tests.robots import worked
+from tests.uncaptured import motions_without_capture
 
 pytestmark = pytest.mark.core
 
@@ -293,6 +299,73 @@ def test_equal_steps_end_on_every_sample_with_the_rates_of_that_time() -> None:
         list(world.march(np.array([0.0, 0.1, 0.2, 0.25]), 0.1))
 
 
+class Captured(CapturedWorld):
+    """A world whose ball stands still, and that records its steps."""
+
+    any_step = True
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene, "cpu")
+        self.taken: list[float] = []
+
+    def control(self, t: float, step: float) -> None:
+        raise AssertionError("the rates of this scene are constant")
+
+    def take(self, step: float) -> None:
+        self.taken.append(step)
+
+    def state(self) -> State:
+        return self.now
+
+
+def test_a_step_is_captured_once_for_each_length_and_launched_for_every_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Lengths that are equal in single precision share a graph. Python's time has the launches."""
+    launched: list[int] = []
+    world: Captured
+    warp = ModuleType("warp")
+    vars(warp).update(
+        config=SimpleNamespace(), LOG_WARNING=0, init=lambda: None, zeros=lambda _: None,
+        is_cuda_available=lambda: False, ScopedDevice=nullcontext,
+        ScopedCapture=lambda: nullcontext(SimpleNamespace(graph=len(world.graphs))),
+        synchronize_device=lambda _: None, capture_launch=launched.append,
+    )  # fmt: skip
+    monkeypatch.setitem(sys.modules, "warp", warp)
+    world = Captured(FIG12)
+    world.capture(0.1)
+    assert (len(world.taken), launched) == (1, [])
+    assert len(list(world.march(np.array([0.0, 0.1, 0.2, 0.3, 0.35]), 0.1))) == 4
+    assert world.taken == [np.float32(0.1), np.float32(0.05)]
+    assert launched == [0, 0, 0, 1]
+    assert world.python_seconds() > 0
+    assert len(launched) > 4
+
+
+class Timed(Repeated):
+    """Steps of 1 ms in one compiled call, or in calls of 1 µs each, by a clock of ticks."""
+
+    def __init__(self, compiled: bool, ticks: list[None]) -> None:
+        super().__init__(FIG12, {})
+        self.compiled, self.ticks, self.steps, self.longest = compiled, ticks, 20, 0.1
+
+    def step(self, step: float) -> None:
+        if self.compiled:
+            self.ticks.extend([None] * 1000)
+            return
+        for _ in range(1000):
+            self.ticks.append(None)
+
+
+@pytest.mark.parametrize(("compiled", "seconds"), [(True, 0.0), (False, 20e-3)])
+def test_the_python_of_an_engine_is_the_time_outside_its_compiled_calls(
+    compiled: bool, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ticks: list[None] = []
+    monkeypatch.setattr("robotball.engines.adapter.time.process_time", lambda: len(ticks) * 1e-6)
+    assert python_part(Timed(compiled, ticks)) == pytest.approx(seconds, abs=1e-12)
+
+
 class Dynamics(IdealWorld):
     """Pinocchio's world with MuJoCo's mass matrix and bias."""
 
@@ -472,6 +545,24 @@ def test_an_engine_has_its_measured_error(case: tuple[Any, ...]) -> None:
     settings = replace(engine.presets[preset], **changes)
     motion = rb.simulate(theory.scene, theory.times, settings=settings, engine=engine)
     assert measured / 1.5 < path_error(motion, theory) < measured * 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mujoco-warp", "newton"])
+@pytest.mark.parametrize("scene", ["fig12", "wobbling_drive"])
+def test_captured_steps_have_the_bits_of_steps_from_python(name: str, scene: str) -> None:
+    """Two balls side by side, with constant commands and with commands that change every step."""
+    skip_unless_there(name)
+    engine, times, ball = ADAPTERS[name], rb.sample_times(0.4), rb.load_scene(scene)
+    settings: Any = replace(engine.presets["best"], device="cpu")  # type: ignore[call-arg]
+    scenes = [ball.until(0.4), replace(ball, start=FIG12.start).until(0.4)]
+    captured = [*rb.simulate_many(scenes, None, times, settings=settings, engine=engine)]
+    python = interpreter_of(ENVIRONMENTS / name)
+    steps = call(python or sys.executable, motions_without_capture, name, scenes, times, settings)
+    for motion, other in zip(captured, steps, strict=True):
+        assert motion.path_length > 0.1
+        for part in ("contact_point", "attitude", "angular_velocity", "hinge_rates"):
+            assert np.array_equal(getattr(motion, part), getattr(other, part))
 
 
 # Largest distance of contact points from a run alone [m]. Measured 0 with Warp and Newton, whose

@@ -9,6 +9,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.mjcf_export import dress
 from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.settings import PRESETS
 from robotball.robot.variations import scaled
 from tests.messages import naming
 
@@ -57,6 +58,19 @@ def test_a_model_starts_in_contact_equilibrium_and_is_built_reproducibly() -> No
     assert data.qpos[2] == FIG12.ball.radius
     # Measured 0 m/s²: the depth is solved to rounding.
     assert abs(data.qacc[2]) < 1e-12
+
+
+def test_a_model_for_engines_that_read_no_sensors_has_none_and_moves_alike() -> None:
+    """Some engines refuse the sensors of a contact."""
+    scene, settings = rb.load_scene("three_rotors"), PRESETS["balanced"]
+    states = []
+    for sensed in (True, False):
+        model = build(scene, settings, sensed)
+        assert bool(model.compiled.nsensor) == sensed
+        data = model.start_data()
+        mujoco.mj_step(model.compiled, data, 20)
+        states.append([*data.qpos, *data.qvel])
+    assert states[0] == states[1]
 
 
 def test_open_fields_keep_mujocos_defaults() -> None:

@@ -28,6 +28,7 @@ from robotball.view.render import Film, frames
 from validation.agreement import compare
 from validation.comparing import motions_of, note_of
 from validation.output import write_text
+from validation.studies.engine_study import python_text
 from validation.studies.extremes import LAWS, Outcome
 
 _DOCS = Path(__file__).parents[1] / "docs"
@@ -38,7 +39,6 @@ _COSTS = (
     ("cost", 1e3, ".3g"),
     ("relative_cost", 1, ".2g"),
     ("spread", 1, ".2f"),
-    ("python_share", 1, ".0%"),
 )
 _RANDOM_RUNS = 500
 _SCREEN = ("--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,1400",
@@ -194,7 +194,7 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
         ]
         by = ", ".join(sorted({run["python"].rpartition(".")[0] for run in runs.values()}))
         ours = next(iter(runs.values()))["ours"] or "-"
-        row = [*title.rsplit(", ", 1), *errors, *costs, by, ours]
+        row = [*title.rsplit(", ", 1), *errors, *costs, python_text(first), by, ours]
         lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines)
 

@@ -129,7 +129,8 @@ def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
         `errors` describes the errors: path errors, or the total defects of a chaotic scene.
         `runs` has a row for each run with its cell, its record, and these keys: `error`; `cost`,
         the processor time of a simulated second [s] at the median speed of the machine;
-        `python_share`, Python's fraction of it; `relative_cost`, relative to the default engine
+        `python_share`, Python's fraction of it; `launching`, whether the engine spends more than
+        half of it in Python to launch its steps; `relative_cost`, relative to the default engine
         with its default settings; `order` of the preset's errors; `newcomer`, whether the preset is
         the engine's default; `ours`, robotball's parts of the run; `usable`, whether the error is
         meaningful; `on_the_pareto_front`. `orders` has the fitted lines, and `failed` the runs
@@ -156,8 +157,9 @@ def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
         run["newcomer"] = cell["preset"] == engine.as_it_comes
         run["cost"] = seconds / cell["duration"] * speed / record["fixed_work"]
         known = python is not None and seconds
-        run["python_share"] = min(1.0, python / seconds) if known else None
+        share = run["python_share"] = min(1.0, python / seconds) if known else None
         run |= {"ours": row.ours.get(cell["preset"], ""), "source": row.source, "order": None}
+        run["launching"] = share is not None and share > 0.5 and not run["ours"]
         runs.append(run)
     default = engine_named(DEFAULT)
     field = row_of(DEFAULT).ladders[default.default][0]
@@ -206,8 +208,9 @@ _NOTE = (
     "N error: of the normal force, over the weight; cone: friction beyond its cone; slip work and "
     "energy: lost to slip, and gained (+) or lost in total, over the kinetic energy. CPU: "
     "processor time of a simulated second, without set-up and readings; relative: to {} with its "
-    "default settings; spread: of the rounds; Python: Python's share at the steps. ours: parts of "
-    "the run that robotball provides. * on the Pareto front: no run is cheaper and more accurate."
+    "default settings; spread: of the rounds; Python: Python's share at the steps, the engine's "
+    "own included; launching: the engine spends most of its time in Python. ours: parts of the run "
+    "that robotball provides. * on the Pareto front: no run is cheaper and more accurate."
 )
 
 
@@ -232,10 +235,16 @@ COLUMNS = (
     Column("slip work", "slip_work"), Column("energy", "energy_error"),
     Column("CPU", "cost", "ms", form=".3g", scale=1e3),
     Column("relative", "relative_cost", form=".3g"), Column("spread", "spread", form=".2f"),
-    Column("Python", "python_share", form=".0%"), Column("by Python", "python", words=True),
+    Column("Python", lambda run: python_text(run)), Column("by Python", "python", words=True),
     Column("ours", "ours", words=True),
     Column("first fault", "fault", words=True),
 )  # fmt: skip
+
+
+def python_text(run: Row) -> str:
+    """Return Python's share of a run's cost, and whether most of the cost is launching steps."""
+    share = run.get("python_share")
+    return "-" if share is None else f"{share:.0%}" + ", launching" * run["launching"]
 
 
 def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> "Figure":

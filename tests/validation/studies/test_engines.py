@@ -118,6 +118,19 @@ def test_a_row_names_the_parts_that_robotball_provides(engine: str, preset: str,
     assert column.text(run) == ours
 
 
+@pytest.mark.parametrize(
+    ("preset", "python", "text"),
+    [("naive", 0.6, "60%, launching"), ("naive", 0.4, "40%"), ("exact", 0.6, "60%")],
+)
+def test_a_row_that_is_mostly_launching_says_so(preset: str, python: float, text: str) -> None:
+    """Unless the Python is that of robotball's own parts, here the steps of "exact"."""
+    run = result(1e-3, 1e-6, 1.0, python_seconds=python)
+    study = study_of(FIG12, [replace(run, cell={**run.cell, "preset": preset})])
+    (column,) = (column for column in COLUMNS if column.header == "Python")
+    assert column.text(study["runs"][0]) == text
+    assert engines_table([study]).split("\n")[-1].split("| ")[7].strip() == text
+
+
 def test_the_page_has_a_row_a_run_and_the_picture_an_entry_an_engine() -> None:
     """Errors of the scenes stand in one row, bold on a front, with the cost of the first."""
     own, worse = result(5e-3, 1e-7, 0.1), result(5e-3, 1e-2, 1.0)

@@ -171,7 +171,12 @@ class ServoWorld(SteppedWorld):
 
 
 class CapturedWorld(SteppedWorld):
-    """An engine of Warp's kernels. A step is captured as a graph, and Python launches the graph."""
+    """An engine of Warp's kernels. A step is captured as a graph, and Python launches the graph.
+
+    captures: False if a step has other work than kernels, and is taken from Python.
+    """
+
+    captures = True
 
     def __init__(self, scene: Scene, device: str) -> None:
         super().__init__(scene)
@@ -179,33 +184,40 @@ class CapturedWorld(SteppedWorld):
 
         warp.config.log_level = warp.LOG_WARNING
         warp.init()
-        self.warp, self.graphs = warp, dict[float, Any]()
+        self.warp, self.launches = warp, dict[float, Callable[[], None]]()
         self.device = on_device(self, device, warp.is_cuda_available())
 
     @abstractmethod
     def take(self, step: float) -> None:
         """Take one step of the engine [s] by launching each of its kernels from Python."""
 
-    def capture(self, step: float) -> Any:
-        """Return the graph of a step [s]. Capturing one takes no step."""
-        length = float(np.float32(step))  # the engines' precision
-        if length not in self.graphs:
-            with self.warp.ScopedDevice(self.device), self.warp.ScopedCapture() as captured:
-                self.take(length)
-            self.graphs[length] = captured.graph
-        return self.graphs[length]
+    def launch_of(self, step: float) -> Callable[[], None]:
+        """Return the launch of a step [s], captured once for a length in single precision."""
+        length = float(np.float32(step))
+        if length not in self.launches:
+            self.launches[length] = self._captured(partial(self.take, length))
+        return self.launches[length]
+
+    def _captured(self, work: Callable[[], object]) -> Callable[[], None]:
+        with self.warp.ScopedDevice(self.device), self.warp.ScopedCapture() as captured:
+            work()
+        return partial(self.warp.capture_launch, captured.graph)
 
     def step(self, step: float) -> None:
-        self.warp.capture_launch(self.capture(step))
+        if self.captures:
+            self.launch_of(step)()
+            return
+        with self.warp.ScopedDevice(self.device):
+            self.take(step)
 
     def wait(self) -> None:
         self.warp.synchronize_device(self.device)
 
     def python_seconds(self) -> float:
-        with self.warp.ScopedDevice(self.device), self.warp.ScopedCapture() as captured:
-            self.warp.zeros(1)
-        launch = partial(self.warp.capture_launch, captured.graph)
-        return super().python_seconds() + seconds_per_call(launch) * self.steps
+        if not self.captures:
+            return python_part(self)
+        launch = seconds_per_call(self._captured(lambda: self.warp.zeros(1)))
+        return super().python_seconds() + launch * self.steps
 
 
 def on_device(world: World, device: str, cuda: bool) -> str:
@@ -413,7 +425,7 @@ class Adapter(Engine):
         """Return the motions from one world, here or in the engine's environment."""
         if self.installed:
             return self._rolled(scenes, times, request)
-        python = interpreter_of(self.environments / self.extra)
+        python = interpreter_of(self.environments / self.extra, self.requirements)
         if python is None:
             raise not_installed(self.label.name, self.extra)
         return call(python, _rolled_by, self.extra, scenes, times, request.settings)

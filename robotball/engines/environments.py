@@ -12,6 +12,7 @@ A process runs the environment's interpreter and ends when its pipe to us closes
 output goes to standard error.
 """
 
+import json
 import operator
 import os
 import pickle
@@ -122,12 +123,25 @@ def _newest(home: Path, version: str, requirement: str) -> str:
     return ""
 
 
-def interpreter_of(home: Path) -> Path | None:
+def newer_releases(python: Path, requirements: Iterable[str]) -> list[str]:
+    """Ask the package index for newer releases of required packages and of their parts.
+
+    A part begins with the same word, as mujoco-core does. Returns names with versions.
+    """
+    words = tuple(name_of(requirement).split("-")[0] for requirement in requirements)
+    asked = ("pip", "list", "--outdated", "--format", "json", "--python", str(python))
+    answer = json.loads(_uv(python.parents[1], "the package index did not answer", *asked))
+    outdated = (package for package in answer if package["name"].startswith(words))
+    return [f"{package['name']} {package['latest_version']}" for package in outdated]
+
+
+def interpreter_of(home: Path, requirements: Iterable[str] = ()) -> Path | None:
     """Return the interpreter of an environment, or None if the environment is not usable.
 
     The marker file is written last, so an environment without it is incomplete. An environment of
     another Python version is outdated if robotball's requirements have changed. Raises InputError
-    if another user may change the environment.
+    if another user may change the environment, if its Python is gone, and if it has an older
+    release than one of the requirements.
     """
     if not (_packages(home) / _MADE).exists():
         return None
@@ -136,7 +150,18 @@ def interpreter_of(home: Path) -> Path | None:
         held = next((package for package in _held(home) if package.name == "robotball"), None)
         if held is None or _required(held) != _required(distribution("robotball")):
             return None
-    return (home / "bin" / "python").absolute()
+    python = (home / "bin" / "python").absolute()
+    if not os.access(python, os.X_OK):
+        raise InputError(f"{python} is gone: {_again(python)}")
+    for requirement in requirements:
+        release = versions_in(home, [requirement]).partition(" ")[2]
+        if release and _numbers(release) < _numbers(requirement.partition(">=")[2]):
+            raise InputError(f"{home} has {release}, older than {requirement}: {_again(python)}")
+    return python
+
+
+def _again(python: Path) -> str:
+    return f"make it again: robotball engines --install {python.parents[1].name}"
 
 
 def _check_own(home: Path, inside: bool) -> None:
@@ -211,9 +236,11 @@ def make(home: Path, requirements: Sequence[str], python: Path | None = None) ->
 
 
 def _install(home: Path, failure: str, *requirements: str) -> None:
-    # Copy files: links would lead into uv's cache, which others may be allowed to change.
-    asked = ("pip", "install", "--link-mode", "copy", "--python", str(home / "bin" / "python"))
-    _uv(home, failure, *asked, *requirements)
+    asked = ("pip", "install", "--python", str(home / "bin" / "python"), *requirements)
+    # Environments share the files of uv's cache, unless others may change these.
+    _uv(home, failure, *asked, "--link-mode", "hardlink")
+    if foreign_in(home) is not None:
+        _uv(home, failure, *asked, "--link-mode", "copy", "--reinstall")
 
 
 def _add_ours(home: Path, failure: str) -> None:
@@ -273,6 +300,8 @@ def call(python: Path | str, function: Callable[..., _T], *arguments: Any) -> _T
         done = subprocess.run(command, input=job, stdout=PIPE, stderr=output, pass_fds=[ours])
         output.seek(0)
         why = _last_line(output.read().decode(errors="replace"))
+        if why.startswith(("ModuleNotFoundError", "ImportError")):
+            why += f"; {_again(Path(python))}"
     if done.returncode or not done.stdout:
         killed = f"ended by {signal.Signals(-done.returncode).name}" if done.returncode < 0 else ""
         raise InputError(f"{python}: {killed or why}")

@@ -61,6 +61,7 @@ class _NewtonWorld(adapter.CapturedWorld):
         if settings.kept:
             chosen["update_data_interval"] = 0
         alone = settings.device is None
+        self.captures = not alone  # MuJoCo's own steps are not Warp's
         with self.warp.ScopedDevice(self.device):
             model = self._model(newton)
             self.solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=alone, **chosen)
@@ -77,8 +78,8 @@ class _NewtonWorld(adapter.CapturedWorld):
             data.qpos[:] = [*self._position(now), *now.attitude, *now.angles]
             data.qvel[:] = [*now.velocity, *omega, *now.rates]
         self._push(self.now.rates, np.zeros(len(scene.drives)))
-        if not alone:
-            self.capture(step)
+        if self.captures:
+            self.launch_of(step)
 
     def _position(self, state: State) -> Array:
         """Return the initial centre of the shell (3,) [m], pressed into the plane."""
@@ -150,18 +151,6 @@ class _NewtonWorld(adapter.CapturedWorld):
 
     def take(self, step: float) -> None:
         self.solver.step(self.balls, self.balls, self.controls, None, step)
-
-    def step(self, step: float) -> None:
-        if self.settings.device is not None:
-            super().step(step)
-            return
-        with self.warp.ScopedDevice(self.device):  # Warp cannot capture MuJoCo's steps
-            self.take(step)
-
-    def python_seconds(self) -> float:
-        if self.settings.device is not None:
-            return super().python_seconds()
-        return adapter.python_part(self)
 
     def state(self) -> State:
         now, n = self.balls, len(self.starts)

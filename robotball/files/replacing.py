@@ -102,7 +102,8 @@ def foreign_in(folder: Path) -> Path | None:
     """Return the first entry of a folder of executed code that others could change, or None.
 
     Entries must belong to this user and not be writable by others, nor by a group that can enter
-    the folder. A link may point to a file of root. Hidden files, such as locks, are skipped.
+    the folder, unless they have hard links elsewhere. A symbolic link may point to a file of root.
+    Hidden files, such as locks, are skipped.
     """
     if not is_own(folder):
         return folder
@@ -122,7 +123,9 @@ def foreign_in(folder: Path) -> Path | None:
                         status, owners = entry.stat(), [os.getuid(), 0]
                     except OSError:  # a dangling link, from which nothing can be loaded
                         continue
-                if status.st_uid not in owners or status.st_mode & others:
+                shared = stat.S_ISREG(status.st_mode) and status.st_nlink > 1
+                group = stat.S_IWGRP if shared else 0
+                if status.st_uid not in owners or status.st_mode & (others | group):
                     return Path(entry.path)
     return None
 

@@ -119,6 +119,7 @@ def engines(
     install: options.Names = (),
     python: str = "",
     environments: options.Environments = None,
+    newest: bool = False,
     duration: options.Duration = None,
     sweep: options.SweepOptions = options.SWEEP,
 ) -> int:
@@ -136,6 +137,8 @@ def engines(
         Create an environment with uv for each of these engines first, several as drake,bullet.
     python
         Python of new environments: a version or a path. Default: the newest that an engine takes.
+    newest
+        In the list, ask the package index which engines have a newer release.
     """
     from robotball.engines.environments import ENVIRONMENTS
 
@@ -143,6 +146,6 @@ def engines(
     from ..studies.engine_study import run_engines
 
     return run_engines(
-        scenes, only, install, python, environments or ENVIRONMENTS, duration,
-        sweep, changed(engines, duration=duration),
+        scenes, only, install, python, environments or ENVIRONMENTS, newest,
+        duration, sweep, changed(engines, duration=duration),
     )  # fmt: skip

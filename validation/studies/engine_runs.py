@@ -74,7 +74,7 @@ def python_of(contestant: Contestant, folder: Path) -> Path | None:
 
     None if the engine is not installed.
     """
-    if python := interpreter_of(folder / contestant.name):
+    if python := interpreter_of(folder / contestant.name, contestant.requirements):
         return python
     engine = engine_named(contestant.engine)
     here = contestant.name == contestant.engine  # otherwise it needs another version

@@ -16,7 +16,13 @@ from rich.markup import escape
 
 from robotball import Engine, InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engines.engine import DEFAULT
-from robotball.engines.environments import call, python_name, said_of, versions_in
+from robotball.engines.environments import (
+    call,
+    newer_releases,
+    python_name,
+    said_of,
+    versions_in,
+)
 from robotball.robot.looks import INK
 
 from ..options import AGREES, Sweep, chosen, seconds_of
@@ -287,6 +293,7 @@ def run_engines(
     install: Sequence[str],
     python: str,
     environments: Path,
+    newest: bool,
     duration: float | None,
     sweep: Sweep,
     words: Sequence[str],
@@ -301,9 +308,11 @@ def run_engines(
         home = engine_runs.install(each, writable_folder(environments), python)
         print(home, *said_of(home), sep="\n  ")
     some = chosen("engine", only, known)
+    if scenes and newest:
+        raise InputError("--newest is for the list of engines: leave out the scenes")
     if not scenes:
         if not install:
-            write_record(sweep.json, {"engines": _list(some, environments)})
+            write_record(sweep.json, {"engines": _list(some, environments, newest)})
         return AGREES
     if sweep.json and len(scenes) > 1:
         raise InputError("--json takes one study: name one scene")
@@ -329,20 +338,30 @@ def _missed(chosen: Sequence[Contestant], environments: Path) -> list[Result]:
     ]
 
 
-def _list(chosen: Sequence[Contestant], environments: Path) -> list[Row]:
-    """Print the engines and where they run, and return their rows."""
+def _list(chosen: Sequence[Contestant], environments: Path, newest: bool) -> list[Row]:
+    """Print the engines and where they run, and return their rows; `newest` asks the index."""
     rows: list[Row] = []
     for contestant in chosen:
-        engine, python = engine_named(contestant.engine), python_of(contestant, environments)
-        folder = environments / contestant.name
-        installed = versions_in(folder, (*contestant.requirements, DEFAULT)) or "-"
-        here = python == Path(sys.executable)
+        engine, folder = engine_named(contestant.engine), environments / contestant.name
+        asked = contestant.requirements
+        packages = (*asked, DEFAULT) if asked else (contestant.engine,)
         row = {"engine": contestant.name, "name": engine.label.name}
-        row["version"] = engine.label.version if here else installed
+        row["version"] = versions_in(folder, packages) or "-"
         row |= {"presets": ", ".join(engine.presets), "by": "-", "runs in": "not installed"}
+        if newest:
+            row["newer"] = "-"
+        rows.append(row)
+        try:
+            python = python_of(contestant, environments)
+        except InputError as error:  # the environment is broken or too old
+            row["runs in"] = str(error)
+            continue
+        if python == Path(sys.executable):
+            row["version"] = engine.label.version
         if python:
             row |= {"by": python_name(python.parents[1]), "runs in": str(python.parents[1])}
-        rows.append(row)
+            if newest:
+                row["newer"] = ", ".join(newer_releases(python, packages)) or "-"
     rows += [
         {"version": missed.cell["contestant"], "runs in": f"not installed: {missed.failure}"}
         for missed in _missed(chosen, environments)

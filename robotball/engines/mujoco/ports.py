@@ -190,7 +190,7 @@ class _WarpWorld(adapter.CapturedWorld):
                 qpos, qvel = _coordinates(self.built, scenes)
                 self.data.qpos.assign(qpos.astype(np.float32))
                 self.data.qvel.assign(qvel.astype(np.float32))
-        self.capture(step)
+        self.launch_of(step)
 
     def control(self, t: float, step: float) -> None:
         controls = [self._control(hinge, t + step / 2) for hinge in self.built.hinges]

@@ -328,12 +328,12 @@ def test_a_step_is_captured_once_for_each_length_and_launched_for_every_step(
     vars(warp).update(
         config=SimpleNamespace(), LOG_WARNING=0, init=lambda: None, zeros=lambda _: None,
         is_cuda_available=lambda: False, ScopedDevice=nullcontext,
-        ScopedCapture=lambda: nullcontext(SimpleNamespace(graph=len(world.graphs))),
+        ScopedCapture=lambda: nullcontext(SimpleNamespace(graph=len(world.launches))),
         synchronize_device=lambda _: None, capture_launch=launched.append,
     )  # fmt: skip
     monkeypatch.setitem(sys.modules, "warp", warp)
     world = Captured(FIG12)
-    world.capture(0.1)
+    world.launch_of(0.1)
     assert (len(world.taken), launched) == (1, [])
     assert len(list(world.march(np.array([0.0, 0.1, 0.2, 0.3, 0.35]), 0.1))) == 4
     assert world.taken == [np.float32(0.1), np.float32(0.05)]

@@ -1,5 +1,6 @@
 """An engine runs in its environment, and every failure there is one line."""
 
+import json
 import os
 import subprocess
 import sys
@@ -105,16 +106,18 @@ def test_a_run_that_the_environment_cannot_make_is_refused_in_one_line(
         ("kill -SEGV $$", "python SIGSEGV"),
         ("echo the last word >&2; exit 3", "python the~last~word"),
         ("exit 0", "python message"),
+        ("echo ImportError: no warp >&2; exit 1", "python no~warp engines --install {home}"),
     ],
 )
 def test_a_process_that_fails_is_reported_in_one_line(
     tmp_path: Path, script: str, facts: str
 ) -> None:
-    """With the interpreter, and its signal or the last line that it printed."""
-    interpreter = tmp_path / "python"
+    """With the interpreter, and its signal or last line; a failed import with the remedy."""
+    interpreter = tmp_path / "bin" / "python"
+    interpreter.parent.mkdir()
     interpreter.write_text(f"#!/bin/sh\n{script}\n")
     interpreter.chmod(0o755)
-    with pytest.raises(rb.InputError, match=naming(facts)):
+    with pytest.raises(rb.InputError, match=naming(facts.format(home=tmp_path.name))):
         environments.call(interpreter, int)
 
 
@@ -132,6 +135,39 @@ def test_versions_are_read_from_the_environment(folder: Path) -> None:
     assert environments.versions_in(home, ("only-there>=1", "numpy")) == "only-there 1.5"
     assert environments.interpreter_of(home) == home / "bin" / "python"
     assert environments.interpreter_of(folder / "none") is None
+
+
+def test_a_broken_or_old_environment_is_refused_with_the_command_that_makes_it_again(
+    folder: Path,
+) -> None:
+    """Its Python was removed, or its engine is older than its adapter requires."""
+    home = folder / "elsewhere"
+    assert environments.interpreter_of(home, ["only-there>=1.5", "absent>=2"]) is not None
+    with pytest.raises(rb.InputError, match=naming("1.5 only-there>=1.10 --install elsewhere")):
+        environments.interpreter_of(home, ["only-there>=1.10"])
+    engine = elsewhere(ELSEWHERE, folder)
+    (home / "bin" / "python").unlink()
+    with pytest.raises(rb.InputError, match=naming("bin/python gone --install elsewhere")):
+        rb.simulate(FIG12, TIMES, engine=engine)
+
+
+def test_newer_releases_of_an_engine_and_its_parts_are_asked_of_the_index(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not those of other packages. mujoco-core is a part of mujoco, and jaxlib of jax."""
+    names = ("mujoco-core", "jaxlib", "absl-py", "warp-lang")
+    answer = [{"name": name, "version": "1", "latest_version": "2.0"} for name in names]
+    asked: list[str] = []
+
+    def uv(home: Path, _: str, *arguments: str, text: str = "") -> str:
+        asked.extend(arguments)
+        return json.dumps(answer)
+
+    monkeypatch.setattr(environments, "_uv", uv)
+    python = folder / "elsewhere" / "bin" / "python"
+    newer = environments.newer_releases(python, ["mujoco-mjx>=3.17", "jax>=0.10"])
+    assert newer == ["mujoco-core 2.0", "jaxlib 2.0"]
+    assert {"--outdated", str(python)} <= {*asked}
 
 
 @pytest.mark.parametrize("name", ["bin/python", "lib/*/site-packages", "lib/*/*/only_there.py"])
@@ -314,6 +350,30 @@ def test_an_environment_can_be_made_and_runs_its_package(
     assert environments.interpreter_of(home) is None
 
 
+def test_environments_share_files_unless_others_may_change_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hard links to the files of uv's cache; copies of those that a group may write."""
+    if not has_uv():
+        pytest.skip("uv is not installed")
+    tiny_wheel(tmp_path)
+    monkeypatch.setenv("UV_FIND_LINKS", str(tmp_path))
+    monkeypatch.setenv("UV_OFFLINE", "1")
+    monkeypatch.setenv("UV_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(environments, "_newest", lambda *_: "")
+    homes = [tmp_path / "engines" / name for name in ("one", "two", "three")]
+    for home in homes[:2]:
+        environments.make(home, ["tiny"], Path(sys.executable))
+    one, two, three = (environments._packages(home) / "tiny.py" for home in homes)
+    assert one.samefile(two)
+    one.chmod(0o660)
+    with pytest.raises(rb.InputError, match=naming("tiny.py others --environments")):
+        environments.interpreter_of(homes[1])
+    environments.make(homes[2], ["tiny"], Path(sys.executable))
+    assert not one.samefile(three)
+    assert environments.interpreter_of(homes[2]) is not None
+
+
 def test_without_uv_the_message_names_the_command_that_installs_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -337,6 +397,8 @@ def test_an_environment_of_another_python_is_outdated_if_our_requirements_have_c
     there.mkdir(parents=True)
     home.chmod(0o700)
     (there / environments._MADE).touch()
+    (home / "bin").mkdir()
+    (home / "bin" / "python").touch(mode=0o755)
     assert environments.interpreter_of(home) is None
     facts = there / "robotball-0.dist-info"
     facts.mkdir()

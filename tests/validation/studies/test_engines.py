@@ -175,6 +175,31 @@ def test_an_engine_that_is_not_installed_has_no_cells(tmp_path: Path) -> None:
     assert python_of(known["mujoco"], tmp_path / "none") == Path(sys.executable)
 
 
+def test_the_list_says_which_engines_have_newer_releases_and_which_are_broken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An environment that cannot run is a line with the remedy, and the others are listed."""
+    known = contestants()
+    asked: list[tuple[str, ...]] = []
+
+    def newer(python: Path, packages: tuple[str, ...]) -> list[str]:
+        asked.append(packages)
+        return ["mujoco-core 9.0"]
+
+    def interpreter_of(home: Path, requirements: tuple[str, ...] = ()) -> None:
+        if home.name == "drake":
+            raise rb.InputError("too old")
+
+    monkeypatch.setattr(engine_study, "newer_releases", newer)
+    monkeypatch.setattr("validation.studies.engine_runs.interpreter_of", interpreter_of)
+    some = [known["mujoco"], known["drake"], known[OLDER]]
+    mujoco, drake, older, *_ = engine_study._list(some, tmp_path, newest=True)
+    assert (mujoco["newer"], drake["newer"], older["newer"]) == ("mujoco-core 9.0", "-", "-")
+    assert (drake["runs in"], older["runs in"]) == ("too old", "not installed")
+    assert asked == [("mujoco",)]
+    assert "newer" not in engine_study._list(some, tmp_path, newest=False)[0]
+
+
 def wheel(folder: Path, name: str) -> None:
     """Write a wheel of one empty module, which pip can install without network."""
     path = folder / f"{name}-1.0-py3-none-any.whl"

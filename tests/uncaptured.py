@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from robotball.engines import adapter
-from robotball.motion import ContactMotion
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
@@ -14,8 +13,7 @@ def _take(self: adapter.CapturedWorld, step: float) -> None:
         self.take(step)
 
 
-def motions_without_capture(
-    name: str, scenes: Sequence[Scene], times: Array, settings: Any
-) -> list[ContactMotion]:
+def rows_without_capture(name: str, scenes: Sequence[Scene], times: Array, settings: Any) -> Array:
+    """Return the State rows (n, k, 13 + 2h) of balls side by side."""
     adapter.CapturedWorld.step = _take  # type: ignore[method-assign]
-    return adapter._rolled_by(name, scenes, times, settings)
+    return adapter.stepped_by(name, scenes, times, settings)[0]

@@ -11,9 +11,10 @@ u = (v of the sphere's centre, ω of the shell, hinge rates). Rolling v = a ω×
 where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs no dS/dt.
 """
 
+import os
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from cProfile import Profile
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,9 +30,15 @@ from robotball.engines.engine import Engine, Kind, Request, as_own, engine_named
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.many_motions import differ_in_start
 from robotball.engines.observe import spans
-from robotball.engines.states import UNKNOWN_FORCE, State, motion_of_rows, start_state
+from robotball.engines.states import (
+    UNKNOWN_FORCE,
+    State,
+    motions_of_rows,
+    start_state,
+    start_states,
+)
 from robotball.errors import InputError, warn
-from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label
+from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label, versions
 from robotball.robot.formulas import as_vector
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, quaternion_product
@@ -39,7 +46,8 @@ from robotball.theory.dop853 import Compensated, Rate, one_by_one
 
 _CALLS = 200  # calls or steps without the engine, to time Python's share of a run
 _LAUNCH = 10e-6  # s; a compiled function that takes less is a launch, or part of Python
-_ABREAST = 1024  # most balls in one world: all their samples stay in memory until the end
+_BALL = 1e5  # bytes of a ball in a world; MuJoCo Warp and Newton take 4.3e4 and 4.7e4
+_SHARE = 0.25  # of the memory, for one world
 
 
 class World(ABC):
@@ -415,25 +423,29 @@ class Adapter(Engine):
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes, in one world if only their initial states differ."""
         abreast = differ_in_start(scenes) and getattr(settings, "device", None) is not None
-        size = _ABREAST if abreast else 1
+        size = _in_memory(len(times) * start_states(scenes[:1]).row.nbytes) if abreast else 1
         for i in range(0, len(scenes), size):
             yield from self._motions(scenes[i : i + size], times, Request(self, settings))
 
     def _motions(
         self, scenes: Sequence[Scene], times: Array, request: Request
-    ) -> Iterable[ContactMotion]:
-        """Return the motions from one world, here or in the engine's environment."""
-        if self.installed:
-            return self._rolled(scenes, times, request)
-        python = interpreter_of(self.environments / self.extra, self.requirements)
-        if python is None:
-            raise not_installed(self.label.name, self.extra)
-        return call(python, _rolled_by, self.extra, scenes, times, request.settings)
-
-    def _rolled(
-        self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterator[ContactMotion]:
-        """Yield the motions from one world of the engine that is installed here."""
+        """Yield the motions from one world, here or in the engine's environment."""
+        if self.installed:
+            rows, shared = self._stepped(scenes, times, request)
+        elif python := interpreter_of(self.environments / self.extra, self.requirements):
+            rows, shared = call(python, stepped_by, self.extra, scenes, times, request.settings)
+        else:
+            raise not_installed(self.label.name, self.extra)
+        yield from motions_of_rows(scenes, times, rows, **shared)
+
+    def _stepped(
+        self, scenes: Sequence[Scene], times: Array, request: Request
+    ) -> tuple[Array, dict[str, Any]]:
+        """Step the balls of scenes in one world of the engine that is installed here.
+
+        Returns their State rows (n, k, 13 + 2h), and what `motions_of_rows` needs besides.
+        """
         settings = as_own(request.settings, type(self.presets[self.default]), self.label)
         scene = scenes[0]
         # Do not refuse: the comparison of engines measures the effect of such a lack.
@@ -449,35 +461,45 @@ class Adapter(Engine):
         world = self.world(scene, settings, step, *more)
         # Time the engine's steps only, not the reading of states. A ball's run ends at a state that
         # is not finite.
-        rows, spent = [np.array([start_state(ball).row for ball in scenes])], 0.0
-        forces = [UNKNOWN_FORCE]
+        now, spent = start_states(scenes), 0.0
+        rows = np.empty((len(scenes), len(times), now.row.shape[-1]))
+        rows[:, 0] = now.row
+        forces, k = np.full((len(times), 3), UNKNOWN_FORCE), 1
         march = world.march(times, settings.timestep)
-        while len(rows) < len(times) and np.isfinite(rows[-1]).all(axis=1).any():
+        while k < len(times) and np.isfinite(rows[:, k - 1]).all(axis=1).any():
             began = world.clock()
             read = next(march)
             spent += world.clock() - began
-            rows.append(np.atleast_2d(read().row))
-            # Contact forces are read for a single ball only.
-            forces.append(world.force() if len(scenes) == 1 else UNKNOWN_FORCE)
+            rows[:, k] = read().row
+            if not more:  # contact forces are read for a single ball only
+                forces[k] = world.force()
+            k += 1
             if request.progress is not None:
-                request.progress(times[len(rows) - 1] / times[-1])
-        share, python = spent / len(scenes), world.python_seconds() / len(scenes)
+                request.progress(times[k - 1] / times[-1])
+        shared = {
+            "engine": self.label, "settings": settings, "forces": forces[:k],
+            "friction": world.friction, "timestep": world.longest, "steps": world.steps,
+            "seconds": spent / len(scenes), "versions": versions(),
+            "python_seconds": world.python_seconds() / len(scenes),
+        }  # fmt: skip
         world.end()
-        cost = {"seconds": share, "python_seconds": python}
-        for ball, states in zip(scenes, np.stack(rows, axis=1), strict=True):
-            yield motion_of_rows(
-                self.label, ball, times, states, settings, np.array(forces), world.friction,
-                timestep=world.longest, steps=world.steps, **cost,
-            )  # fmt: skip
+        return rows[:, :k], shared
 
 
-def _rolled_by(
+def _in_memory(samples: int) -> int:
+    """Return how many balls, each with its samples [bytes], go into one world."""
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    # Another process pickles the samples: they are three times in memory.
+    return max(1, int(_SHARE * memory / (_BALL + 3 * samples)))
+
+
+def stepped_by(
     name: str, scenes: Sequence[Scene], times: Array, settings: Any
-) -> list[ContactMotion]:
-    """Return an adapter's motions, called in the process of its environment."""
+) -> tuple[Array, dict[str, Any]]:
+    """Return the result of an adapter's steps, called in the process of its environment."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
-    return list(engine._rolled(scenes, times, Request(engine, settings)))
+    return engine._stepped(scenes, times, Request(engine, settings))
 
 
 def elsewhere(engine: Engine, folder: Path | str) -> Engine:

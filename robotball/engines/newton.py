@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.states import State, force_in, links_of, start_state
+from robotball.engines.states import State, force_in, links_of, start_states
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
@@ -55,7 +55,7 @@ class _NewtonWorld(adapter.CapturedWorld):
         self.settings, d = settings, settings.impedance
         # The depth at which the contact carries the ball from the start.
         self.depth = scene.gravity * (1 - d) * _TIME_CONSTANT**2 if d is not None else 0.0
-        self.starts = [start_state(ball) for ball in scenes or (scene,)]
+        self.starts = start_states(scenes or [scene])
         options = ("integrator", "cone", "iterations", "tolerance")
         chosen = adapter.without_none(**{name: getattr(settings, name) for name in options})
         if settings.kept:
@@ -128,10 +128,11 @@ class _NewtonWorld(adapter.CapturedWorld):
                 "solimp": [d, d, 1e-3, 0.5, 1.0],
             }  # fmt: skip
             ball.add_custom_values(**{f"mujoco:pair_{name}": pair[name] for name in pair})
-        whole.replicate(ball, len(self.starts))
-        q = ([*self._position(s), *np.roll(s.attitude, -1), *s.angles] for s in self.starts)
-        v = ([*s.velocity, *s.omega, *s.rates] for s in self.starts)
-        whole.joint_q, whole.joint_qd = (np.ravel([*rows]).tolist() for rows in (q, v))
+        starts, self.n = self.starts, len(self.starts.centre)
+        whole.replicate(ball, self.n)
+        q = (self._position(starts), np.roll(starts.attitude, -1, axis=1), starts.angles)
+        v = (starts.velocity, starts.omega, starts.rates)
+        whole.joint_q, whole.joint_qd = (np.hstack(parts).ravel().tolist() for parts in (q, v))
         return whole.finalize()
 
     def _push(self, rates: Array, accelerations: Array) -> None:
@@ -141,7 +142,7 @@ class _NewtonWorld(adapter.CapturedWorld):
         else:
             target, values = self.controls.joint_f, armature * accelerations
         of_ball = np.concatenate([free, values]).astype(np.float32)
-        target.assign(np.tile(of_ball, len(self.starts)))
+        target.assign(np.tile(of_ball, self.n))
 
     def control(self, t: float, step: float) -> None:
         # A step's velocities belong to its end, so that is a servo's target. A torque is constant
@@ -153,7 +154,7 @@ class _NewtonWorld(adapter.CapturedWorld):
         self.solver.step(self.balls, self.balls, self.controls, None, step)
 
     def state(self) -> State:
-        now, n = self.balls, len(self.starts)
+        now, n = self.balls, self.n
         q, v = (a.numpy().astype(float).reshape(n, -1) for a in (now.joint_q, now.joint_qd))
         attitude = np.roll(q[:, 3:7], 1, axis=1)
         # Rounding to single precision leaves a quaternion whose norm is not 1.

@@ -6,7 +6,7 @@ the steps of a run, the readings, the monitor, the recording.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -309,13 +309,11 @@ class Recording:
         sampled_arrays = {place: array[kept] for place, array in arrays_of(readings)}
         self._samples.add(with_arrays(readings, sampled_arrays))
 
-    def motion(
-        self, timestep: float, steps: int, seconds: float, python_seconds: float | None = None
-    ) -> ContactMotion:
+    def motion(self, timestep: float, steps: int, seconds: float, **others: Any) -> ContactMotion:
         """Return the recorded motion.
 
-        timestep: the longest step [s]; steps: their number; seconds: processor time;
-        python_seconds: Python's share of it, None if not measured.
+        timestep: the longest step [s]; steps: their number; seconds: processor time; others: fields
+        of ContactReport.
         """
         read, faults = self._samples.whole, self.faults.values()
         seconds = measured_time(seconds)
@@ -345,6 +343,6 @@ class Recording:
                 total_seconds=seconds,
                 # Events such as a motor at the limit that the scene sets.
                 notes=tuple(fault for fault in faults if fault.note),
-                python_seconds=python_seconds,
+                **others,
             ),
         )

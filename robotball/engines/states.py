@@ -5,14 +5,14 @@ Jacobian of a contact on the root body has no drift term, which engines omit
 (docs/findings/mujoco_frame_root.py).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robotball.engines.observe import Readings, Recording, attitudes
-from robotball.motion import DIVERGED, ContactMotion, EngineSettings, Label
+from robotball.motion import DIVERGED, ContactMotion, EngineSettings, Label, arrays_of, with_arrays
 from robotball.robot.ball import Link
 from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
@@ -20,6 +20,7 @@ from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 
 _UP = np.array([0.0, 0.0, 1.0])
 UNKNOWN_FORCE = np.full(3, np.nan)  # from an engine that does not report it
+_TOGETHER = 64  # balls whose readings are computed together
 _LIFTED = 0.01  # radii above the plane at which the shell counts as lifted off
 
 
@@ -101,16 +102,29 @@ def _state_of_rows(rows: Array) -> State:
 
 def start_state(scene: Scene) -> State:
     """Return the initial state of the scene, which rolls but for the slip that the scene gives."""
-    start = scene.start
-    rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
-    R = start.to_world
+    return State(*(part[0] for part in vars(start_states([scene])).values()))
+
+
+def start_states(scenes: Sequence[Scene]) -> State:
+    """Return the initial states of n scenes that differ only in their starts."""
+    scene, starts = scenes[0], [each.start for each in scenes]
+    attitude, momentum, slip = (
+        np.array([getattr(start, name) for start in starts])
+        for name in ("attitude", "momentum", "slip")
+    )
+    R, axes, shell = rotation_matrix(attitude), scene.principal_axes, scene.ball.shell
+    if scene.not_reduced:
+        turning = np.array([scene.angular_velocity_at(start) for start in starts])
+    else:
+        M, gamma = np.einsum("nji,nj->ni", R, momentum) @ axes, R[:, 2] @ axes
+        omega = scene.parameters_at(0.0).angular_velocity((*M.T,), (*gamma.T,))
+        turning = np.array(omega).T @ axes.T
+    rates = np.array([[float(drive.rate(0.0)) for drive in scene.drives]] * len(starts))
     # The scene gives the frame's ω; the shell turns against it at the first hinge's rate.
-    omega = R @ (scene.angular_velocity_at(start) - rates[0] * scene.ball.shell.axis)
-    centre = np.array([0.0, 0.0, scene.ball.radius])
-    slip_x, slip_y, spin = start.slip.tolist()
-    velocity = np.cross(omega, centre) + np.array([slip_x, slip_y, 0.0])
-    omega = omega + np.array([0.0, 0.0, spin])
-    return State(centre, velocity, start.attitude, omega, np.zeros(len(rates)), rates)
+    shell_omega = np.einsum("nij,nj->ni", R, turning - rates[:, :1] * shell.axis)
+    centre = np.tile(scene.ball.radius * _UP, (len(starts), 1))
+    velocity = np.cross(shell_omega, centre) + slip * [1.0, 1.0, 0.0]
+    return State(centre, velocity, attitude, shell_omega + slip * _UP, 0.0 * rates, rates)
 
 
 def readings_of(
@@ -177,23 +191,33 @@ def _frame_and_momentum(scene: Scene, state: State) -> tuple[Array, Array, Array
     return attitude, frame_omega, L
 
 
-def motion_of_rows(
-    engine: Label,
-    scene: Scene,
+def motions_of_rows(
+    scenes: Sequence[Scene],
     times: Array,
     rows: Array,
+    engine: Label,
     settings: EngineSettings,
     forces: Array = UNKNOWN_FORCE,
     friction: float = float("nan"),
     **cost: Any,
-) -> ContactMotion:
-    """Return the motion of State rows (k, 13 + 2h) at the first k of times (n,) [s].
+) -> Iterator[ContactMotion]:
+    """Yield the motions of scenes that differ in their starts, of State rows (n, k, 13 + 2h).
 
-    forces (k, 3), friction: as in `readings_of`; cost: as in `Recording.motion`.
+    The rows are at the first k of times (n,) [s]. forces (k, 3), friction: as in `readings_of`;
+    cost: as in `Recording.motion`.
     """
-    recording = Recording(engine, scene, settings, times)
-    forces = np.broadcast_to(forces, (len(rows), 3))
-    # A diverging ball overflows here before the recording cuts it off.
-    with np.errstate(all="ignore"):
-        recording.add(readings_of(scene, times[: len(rows)], rows, forces, friction))
-    return recording.motion(**cost)
+    k = rows.shape[1]
+    for i in range(0, len(scenes), _TOGETHER):
+        some = rows[i : i + _TOGETHER]
+        at = np.tile(times[:k], len(some))
+        pushed = np.tile(np.broadcast_to(forces, (k, 3)), (len(some), 1))
+        # A diverging ball overflows here before the recording cuts it off.
+        with np.errstate(all="ignore"):
+            read = readings_of(scenes[i], at, np.concatenate(some), pushed, friction)
+            arrays = [*arrays_of(read)]
+        for j in range(len(some)):
+            recording = Recording(engine, scenes[i + j], settings, times)
+            own = {place: array[j * k : (j + 1) * k] for place, array in arrays}
+            with np.errstate(all="ignore"):
+                recording.add(with_arrays(read, own))
+            yield recording.motion(**cost)

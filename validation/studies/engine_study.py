@@ -16,13 +16,7 @@ from rich.markup import escape
 
 from robotball import Engine, InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engines.engine import DEFAULT
-from robotball.engines.environments import (
-    call,
-    newer_releases,
-    python_name,
-    said_of,
-    versions_in,
-)
+from robotball.engines.environments import call, newer_releases, python_name, said_of, versions_in
 from robotball.robot.looks import INK
 
 from ..options import AGREES, Sweep, chosen, seconds_of

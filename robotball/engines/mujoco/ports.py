@@ -14,9 +14,9 @@ import numpy as np
 
 from robotball.engines import adapter
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at, start_state
+from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
-from robotball.engines.states import State, force_in
+from robotball.engines.states import State, force_in, start_states
 from robotball.motion import Label
 from robotball.robot.motors import Servo
 from robotball.robot.scene import Scene
@@ -104,10 +104,11 @@ def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
 
 
 def _coordinates(model: Model, scenes: Sequence[Scene]) -> tuple[Array, Array]:
-    """Return qpos (n, nq) and qvel (n, nv) at the starts of scenes."""
-    root, hinges = model.settings.root, model.hinges
-    qpos, qvel = zip(*(start_state(s, root, hinges) for s in scenes), strict=True)
-    return np.array(qpos), np.array(qvel)
+    """Return qpos (n, nq) and qvel (n, nv) at the starts of scenes, with the shell as root."""
+    now, places = start_states(scenes), [hinge.index for hinge in model.hinges]
+    turning = np.einsum("nij,ni->nj", rotation_matrix(now.attitude), now.omega)
+    qpos = np.concatenate([now.centre, now.attitude, now.angles[:, places]], axis=1)
+    return qpos, np.concatenate([now.velocity, turning, now.rates[:, places]], axis=1)
 
 
 @cache

@@ -37,14 +37,20 @@ from robotball.engines.adapter import (
 from robotball.engines.engine import OURS
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.pinocchio import PINOCCHIO
-from robotball.engines.states import State, force_on_ball, links_of, principal_inertia
+from robotball.engines.states import (
+    State,
+    force_on_ball,
+    links_of,
+    motions_of_rows,
+    principal_inertia,
+)
 from robotball.motion import Label, momentum_error, path_error
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from tests.messages import naming, unnamed
 from tests.robotball.theory.multibody.second_form import SecondForm
 from tests.robots import worked
-from tests.uncaptured import motions_without_capture
+from tests.uncaptured import rows_without_capture
 
 pytestmark = pytest.mark.core
 
@@ -157,7 +163,7 @@ def test_balls_side_by_side_do_not_affect_each_other(
 ) -> None:
     """Batches of two; a ball that diverges does not end the others' runs."""
     times, made = rb.sample_times(2.0, 0.1), list[int]()
-    monkeypatch.setattr(adapter, "_ABREAST", 2)
+    monkeypatch.setattr(adapter, "_in_memory", lambda samples: 1 + samples // (21 * 17 * 8))
     settings = Device(name="best", error_tolerance=1e-3, timestep=0.1, device=device)
 
     def world(scene: Scene, settings: Any, step: float, scenes: Sequence[Scene] = ()) -> Abreast:
@@ -172,6 +178,16 @@ def test_balls_side_by_side_do_not_affect_each_other(
     assert second == (FaultKind.DIVERGED in {fault.kind for fault in motions[1].report.faults})
     aside = [motion.contact_point[9, 0] - motions[0].contact_point[9, 0] for motion in motions]
     assert aside == pytest.approx([0.0, float(second), 0.0], abs=1e-15)
+
+
+def test_a_world_has_as_many_balls_as_fit_into_a_quarter_of_the_memory(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A ball takes 0.1 MB, and its samples three times their size."""
+    monkeypatch.setattr("os.sysconf", lambda name: {"SC_PAGE_SIZE": 4096}.get(name, 10**7))
+    assert adapter._in_memory(0) == 102400
+    assert adapter._in_memory(300_000) == 10240
+    assert adapter._in_memory(10**12) == 1
 
 
 def test_a_cuda_run_uses_the_wall_clock_and_is_refused_without_a_cuda_device() -> None:
@@ -558,11 +574,13 @@ def test_captured_steps_have_the_bits_of_steps_from_python(name: str, scene: str
     scenes = [ball.until(0.4), replace(ball, start=FIG12.start).until(0.4)]
     captured = [*rb.simulate_many(scenes, None, times, settings=settings, engine=engine)]
     python = interpreter_of(ENVIRONMENTS / name)
-    steps = call(python or sys.executable, motions_without_capture, name, scenes, times, settings)
-    for motion, other in zip(captured, steps, strict=True):
+    rows = call(python or sys.executable, rows_without_capture, name, scenes, times, settings)
+    cost: Any = {"timestep": 0.0, "steps": 0, "seconds": 0.0}
+    stepped = motions_of_rows(scenes, times, rows, engine.label, settings, **cost)
+    for motion, steps in zip(captured, stepped, strict=True):
         assert motion.path_length > 0.1
         for part in ("contact_point", "attitude", "angular_velocity", "hinge_rates"):
-            assert np.array_equal(getattr(motion, part), getattr(other, part))
+            assert np.array_equal(getattr(motion, part), getattr(steps, part))
 
 
 # Largest distance of contact points from a run alone [m]. Measured 0 with Warp and Newton, whose

@@ -1,6 +1,7 @@
 """Every engine's run is judged with the same criteria."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.engines.observe import Recording
-from robotball.engines.states import State, motion_of_rows
+from robotball.engines.states import State, motions_of_rows
 from robotball.motion import ContactMotion, EngineSettings, momentum_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 
@@ -40,9 +41,10 @@ def by_an_adapter(drift: float) -> ContactMotion:
         THEORY.hinge_angles,
         THEORY.hinge_rates,
     )
-    return motion_of_rows(
-        THEORY.engine, SCENE, TIMES, state.row, SETTINGS, timestep=0.1, steps=600, seconds=1.0
-    )
+    cost: Any = {"timestep": 0.1, "steps": 600, "seconds": 1.0}
+    rows = state.row[None]
+    (motion,) = motions_of_rows([SCENE], TIMES, rows, THEORY.engine, SETTINGS, **cost)
+    return motion
 
 
 def by_mujoco(drift: float) -> ContactMotion:

@@ -1,6 +1,6 @@
 """The ball as engines of other packages see it: states, initial states, links and forces."""
 
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,9 @@ from robotball.engines.states import (
     principal_inertia,
     readings_of,
     start_state,
+    start_states,
 )
+from robotball.robot.scene import Friction
 from robotball.rotations import rotation_matrix
 from tests.random_robots import random_tree
 from tests.scenes import FOUR
@@ -42,6 +44,24 @@ def test_the_initial_state_rolls_with_the_scenes_momentum(name: str) -> None:
     assert (abs(readings.spin[0]) < 1e-12) == (scene.rolling == "rubber")
     assert readings.touching[0]
     assert readings.sound[0]
+
+
+def test_the_initial_states_of_many_starts_are_those_of_each() -> None:
+    """To the last bit, with slip and spin."""
+    scene = rb.load_scene("classical_regular")
+    slips = [[0.0, 0.0, 0.0], [0.2, -0.1, 0.0]]
+    attitudes = RNG.normal(size=(2, 4))
+    attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
+    starts = [
+        rb.Start(attitude, scene.start.momentum, np.array(slip))
+        for attitude, slip in zip(attitudes, slips, strict=True)
+    ]
+    scenes = [replace(scene, friction=Friction(sliding=0.3), start=start) for start in starts]
+    states = start_states(scenes)
+    for i, own in enumerate(scenes):
+        assert np.array_equal(states.row[i], start_state(own).row)
+    slipping = states.velocity - np.cross(states.omega, states.centre)
+    assert slipping == pytest.approx(np.array(slips), abs=1e-14)
 
 
 def test_rows_and_states_convert_into_each_other() -> None:

@@ -32,4 +32,4 @@ for impratio in (1, 10, 100):
 print("noslip:", velocity(1, 1))
 print("expected: 1 from the formula, 0 with noslip")
 print("version: MuJoCo", version("mujoco"))
-print("verdict: documented; mujoco #3328, documented by #3526")
+print("verdict: documented; mujoco #3328, documented by #3526; #3349 proposes stiction")

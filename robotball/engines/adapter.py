@@ -12,6 +12,7 @@ where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs 
 """
 
 import os
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -228,13 +229,15 @@ class CapturedWorld(SteppedWorld):
         return super().python_seconds() + launch * self.steps
 
 
-def on_device(world: World, device: str, cuda: bool) -> str:
+def on_device(world: World, device: str, cuda: bool, install: str = "") -> str:
     """Return the device that runs a world's balls, and choose the clock for it.
 
-    cuda: whether the engine finds a CUDA device. Raises InputError if it is asked for and missing.
+    cuda: whether the engine finds a CUDA device. Raises InputError if it is asked for and missing;
+    `install` is the package that an engine needs for it.
     """
     if device == "cuda" and not cuda:
-        raise InputError("no CUDA device found: give device 'cpu' instead of 'cuda'")
+        line = f"uv pip install --python {sys.executable} '{install}', or " if install else ""
+        raise InputError(f"no CUDA device found: {line}give device 'cpu' instead of 'cuda'")
     if device == "cuda":
         world.clock = time.perf_counter
     return device

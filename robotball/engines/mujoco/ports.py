@@ -51,7 +51,8 @@ class _MjxWorld(adapter.World):
         if settings.line_search is not None:
             model.opt.ls_iterations = settings.line_search
         cuda = jax.default_backend() == "gpu"
-        device = jax.devices(adapter.on_device(self, settings.device, cuda))[0]
+        name = adapter.on_device(self, settings.device, cuda, install="jax[cuda13]")
+        device = jax.devices(name)[0]
         self.model = mjx.put_model(model, device)
         self.data, self.calls = mjx.put_data(model, start, device), 0
         if scenes:

@@ -195,6 +195,8 @@ def test_a_cuda_run_uses_the_wall_clock_and_is_refused_without_a_cuda_device() -
     world = Repeated(FIG12, {})
     with pytest.raises(rb.InputError, match=naming("'cuda' cpu CUDA")):
         on_device(world, "cuda", cuda=False)
+    with pytest.raises(rb.InputError, match=naming("'cuda' --python jax[cuda13] cpu")):
+        on_device(world, "cuda", cuda=False, install="jax[cuda13]")
     assert on_device(world, "cpu", cuda=True) == "cpu"
     assert world.clock is time.process_time
     assert on_device(world, "cuda", cuda=True) == "cuda"

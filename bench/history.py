@@ -33,7 +33,7 @@ from robotball import InputError, engine_named, integrate, load_scene, sample_ti
 from robotball.engines import environments
 from robotball.engines.engine import DEFAULT
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of, make
-from robotball.engines.states import motions_of_rows
+from robotball.engines.states import motions_of
 from robotball.errors import unknown
 from robotball.motion import Label
 from robotball.robot.looks import INK
@@ -216,7 +216,7 @@ def _bare(cell: Cell, python: str, preset: str) -> dict[str, Any]:
     cost = 2 * seconds / (before + fixed_work())
     state = shell_state(model, np.array(result["qpos"]), np.array(result["qvel"]))
     run = {"timestep": step, "steps": round(times[-1] / step), "seconds": seconds}
-    (motion,) = motions_of_rows([scene], times, state.row[None], LABEL, settings, **run)
+    (motion,) = motions_of([scene], times, state.row[None], LABEL, settings, **run)
     error = known(Agreement(integrate(scene, times), motion).path_error)
     fault, without = "; ".join(map(str, motion.report.faults[:1])), ", ".join(result["left_out"])
     return {"error": error, "fault": fault, "cost": cost, "without": without}

@@ -31,13 +31,7 @@ from robotball.engines.engine import Engine, Kind, Request, as_own, engine_named
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.many_motions import differ_in_start
 from robotball.engines.observe import spans
-from robotball.engines.states import (
-    UNKNOWN_FORCE,
-    State,
-    motions_of_rows,
-    start_state,
-    start_states,
-)
+from robotball.engines.states import UNKNOWN_FORCE, State, motions_of, start_state, start_states
 from robotball.errors import InputError, warn
 from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label, versions
 from robotball.robot.formulas import as_vector
@@ -257,11 +251,8 @@ def python_part(world: SteppedWorld) -> float:
     For engines that are written in Python. It is measured on a few more steps, as the time outside
     compiled functions that take more than 10 µs.
     """
-    take, profile = (
-        partial(world._loop, world.step, 0.0, world.longest, 1),
-        Profile(time.process_time),
-    )
-    whole = seconds_per_call(take)
+    take = partial(world._loop, world.step, 0.0, world.longest, 1)
+    profile, whole = Profile(time.process_time), seconds_per_call(take)
     for _ in range(_CALLS):
         profile.runcall(take)
     builtin = (call for call in profile.getstats() if isinstance(call.code, str))
@@ -440,14 +431,14 @@ class Adapter(Engine):
             rows, shared = call(python, stepped_by, self.extra, scenes, times, request.settings)
         else:
             raise not_installed(self.label.name, self.extra)
-        yield from motions_of_rows(scenes, times, rows, **shared)
+        yield from motions_of(scenes, times, rows, **shared)
 
     def _stepped(
         self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> tuple[Array, dict[str, Any]]:
         """Step the balls of scenes in one world of the engine that is installed here.
 
-        Returns their State rows (n, k, 13 + 2h), and what `motions_of_rows` needs besides.
+        Returns their State rows (n, k, 13 + 2h), and what `motions_of` needs besides.
         """
         settings = as_own(request.settings, type(self.presets[self.default]), self.label)
         scene = scenes[0]

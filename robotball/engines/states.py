@@ -108,10 +108,8 @@ def start_state(scene: Scene) -> State:
 def start_states(scenes: Sequence[Scene]) -> State:
     """Return the initial states of n scenes that differ only in their starts."""
     scene, starts = scenes[0], [each.start for each in scenes]
-    attitude, momentum, slip = (
-        np.array([getattr(start, name) for start in starts])
-        for name in ("attitude", "momentum", "slip")
-    )
+    names = ("attitude", "momentum", "slip")
+    attitude, momentum, slip = (np.array([getattr(s, name) for s in starts]) for name in names)
     R, axes, shell = rotation_matrix(attitude), scene.principal_axes, scene.ball.shell
     if scene.not_reduced:
         turning = np.array([scene.angular_velocity_at(start) for start in starts])
@@ -191,7 +189,7 @@ def _frame_and_momentum(scene: Scene, state: State) -> tuple[Array, Array, Array
     return attitude, frame_omega, L
 
 
-def motions_of_rows(
+def motions_of(
     scenes: Sequence[Scene],
     times: Array,
     rows: Array,

@@ -41,7 +41,7 @@ from robotball.engines.states import (
     State,
     force_on_ball,
     links_of,
-    motions_of_rows,
+    motions_of,
     principal_inertia,
 )
 from robotball.motion import Label, momentum_error, path_error
@@ -578,7 +578,7 @@ def test_captured_steps_have_the_bits_of_steps_from_python(name: str, scene: str
     python = interpreter_of(ENVIRONMENTS / name)
     rows = call(python or sys.executable, rows_without_capture, name, scenes, times, settings)
     cost: Any = {"timestep": 0.0, "steps": 0, "seconds": 0.0}
-    stepped = motions_of_rows(scenes, times, rows, engine.label, settings, **cost)
+    stepped = motions_of(scenes, times, rows, engine.label, settings, **cost)
     for motion, steps in zip(captured, stepped, strict=True):
         assert motion.path_length > 0.1
         for part in ("contact_point", "attitude", "angular_velocity", "hinge_rates"):

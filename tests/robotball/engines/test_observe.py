@@ -12,7 +12,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.readings import readings_of
 from robotball.engines.mujoco.stepping import by_steps, controlled
 from robotball.engines.observe import Recording
-from robotball.engines.states import State, motions_of_rows
+from robotball.engines.states import State, motions_of
 from robotball.motion import ContactMotion, EngineSettings, momentum_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 
@@ -43,7 +43,7 @@ def by_an_adapter(drift: float) -> ContactMotion:
     )
     cost: Any = {"timestep": 0.1, "steps": 600, "seconds": 1.0}
     rows = state.row[None]
-    (motion,) = motions_of_rows([SCENE], TIMES, rows, THEORY.engine, SETTINGS, **cost)
+    (motion,) = motions_of([SCENE], TIMES, rows, THEORY.engine, SETTINGS, **cost)
     return motion
 
 

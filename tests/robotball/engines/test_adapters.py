@@ -585,25 +585,26 @@ def test_captured_steps_have_the_bits_of_steps_from_python(name: str, scene: str
             assert np.array_equal(getattr(motion, part), getattr(steps, part))
 
 
-# Largest distance of contact points from a run alone [m]. Measured 0 with Warp and Newton, whose
-# worlds do the same arithmetic, and 4.5e-12 with MJX, whose compiler reorders it.
+# Largest distance of contact points from a run alone [m]. Measured 0 with Warp and Newton (each of
+# 256 balls), whose worlds do the same arithmetic, and 2.3e-11 with MJX (12 of them), whose compiler
+# reorders it.
 ABREAST = {"mujoco-warp": 0.0, "mjx": 1e-10, "newton": 0.0}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ABREAST)
-def test_64_balls_side_by_side_move_as_in_runs_alone(name: str) -> None:
+def test_256_balls_side_by_side_move_as_in_runs_alone(name: str) -> None:
     """On the processor. An unknown device is refused."""
     skip_unless_there(name)
-    attitudes = np.random.default_rng(3).normal(size=(64, 4))
+    attitudes = np.random.default_rng(3).normal(size=(256, 4))
     attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
     starts, times = [replace(FIG12.start, attitude=q) for q in attitudes], rb.sample_times(0.4)
     with pytest.raises(rb.InputError, match=naming("'tpu' cpu")):
         next(rb.simulate_many(FIG12, starts, times, engine=name, device="tpu"))
     motions = [*rb.simulate_many(FIG12, starts, times, engine=name, device="cpu")]
     errors = [path_error(motion, rb.integrate(motion.scene, times)) for motion in motions]
-    assert max(errors) < 1e-4  # measured 3.6e-6 with Warp, 1.9e-5 with MJX, 2.3e-5 with Newton
-    for i in (0, 63):
+    assert max(errors) < 3e-4  # measured 1.7e-6 with Warp, 7.4e-6 with MJX, 1.0e-4 with Newton
+    for i in (0, 255):
         alone = rb.simulate(
             motions[i].scene, times, settings=motions[i].report.settings, engine=name
         )

@@ -470,11 +470,13 @@ class Adapter(Engine):
             k += 1
             if request.progress is not None:
                 request.progress(times[k - 1] / times[-1])
+        # An engine may raise an error in a further step from a state that is not finite.
+        sound = np.isfinite(rows[:, k - 1]).all()
         shared = {
             "engine": self.label, "settings": settings, "forces": forces[:k],
             "friction": world.friction, "timestep": world.longest, "steps": world.steps,
             "seconds": spent / len(scenes), "versions": versions(),
-            "python_seconds": world.python_seconds() / len(scenes),
+            "python_seconds": world.python_seconds() / len(scenes) if sound else None,
         }  # fmt: skip
         world.end()
         return rows[:, :k], shared

@@ -265,6 +265,14 @@ def test_a_wrong_state_is_a_fault_of_the_run(
         assert motion.report.timestep == pytest.approx(0.1)
 
 
+def test_pythons_time_is_not_measured_from_a_state_that_is_not_finite() -> None:
+    """It takes more steps, which an engine may refuse."""
+    for speed, measured in ((1.0, True), (np.nan, False)):
+        engine, times = spoilt({"velocity": (speed, 0)}), rb.sample_times(2.0, 0.1)
+        report = rb.simulate(FIG12, times, engine=engine).report
+        assert (report.python_seconds is not None) == measured
+
+
 class Clocked(Repeated):
     """Steps and readings that advance a clock, with an oblique contact force."""
 

@@ -220,7 +220,7 @@ class ContactReport(Value):
     notes : tuple of Fault
         Events that are part of the motion and not faults.
     python_seconds : float or None, s
-        The part of `seconds` spent in Python. None if not measured.
+        The part of `seconds` spent in Python, also the engine's own. None if not measured.
     versions : mapping of str to str
         Versions of Python and packages in the process that ran the engine, which may belong to
         the engine's separate environment.

@@ -24,7 +24,6 @@ from robotball.fit.residuals import (
     WHOLE,
     FittedLog,
     Residuals,
-    Run,
     Unknown,
     by_equations,
     of_log,
@@ -137,7 +136,6 @@ def fit(
     noise: Mapping[str, float] | None = None,
     patience: float = np.inf,
     hold_out: int | None = None,
-    run: Run | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Fit:
     """Fit numbers of a scene to the logs of a robot.
@@ -162,8 +160,6 @@ def fit(
         Time for the search [s]. Then the best values so far are returned.
     hold_out : int, optional
         The index of a log that is not fitted, but used to test the fit of the others.
-    run : callable, optional
-        Returns the motion of a scene at given times. By default the equations are integrated.
     progress : callable, optional
         Called with the fraction of the logs that is fitted and χ² over the degrees of freedom.
 
@@ -198,9 +194,8 @@ def fit(
         if name not in names:
             raise unknown("sensor of the logs", name, sorted(names))
     shared = of_scene(numbers, free, initial.ball.radius)
-    run = run or by_equations
     deadline = time.monotonic() + patience
-    solve = partial(_solved, numbers, circumstances=circumstances, run=run, deadline=deadline)
+    solve = partial(_solved, numbers, circumstances=circumstances, deadline=deadline)
     sensed = [first_values(initial, log, noise or {}, circumstances) for log in logs]
     fitted = [log for k, log in enumerate(sensed) if k != hold_out]
     if not fitted:
@@ -232,7 +227,7 @@ def fit(
     strays = evidence.strays(sensors)
     contradictions = tuple(evidence.contradicting(logs, evidence.strays([*sensors, *held_out])))
     reason = contradictions[0] if strays and contradictions else ""
-    if strays and not contradictions and run is by_equations:  # engines take minutes
+    if strays and not contradictions:
         residuals.deadline = deadline
         with suppress(TimeoutError):
             reason = evidence.reason(residuals, x, J, strays[0])
@@ -263,7 +258,6 @@ def _solved(
     shared: Sequence[Unknown],
     logs: Sequence[FittedLog],
     circumstances: Sequence[str],
-    run: Run,
     deadline: float,
     progress: Callable[[float, float], None] | None = None,
     fixed: Mapping[str, float] | None = None,
@@ -278,7 +272,7 @@ def _solved(
         np.array([(getattr(u, side) - u.value) / u.size for u in unknowns])
         for side in ("low", "high")
     )
-    of_part = partial(Residuals, numbers, unknowns, run=run, fixed=fixed or {})
+    of_part = partial(Residuals, numbers, unknowns, fixed=fixed or {})
     try:
         for part in _PARTS:
             residuals = of_part([log.until(part) for log in logs], deadline=deadline)
@@ -287,7 +281,7 @@ def _solved(
             if not np.isfinite(residuals(x)).all():
                 x = begin  # the shorter part may have led to a motion that ends early
             if not np.isfinite(first := residuals(x)).all():
-                _raise_cause(residuals, x, run)
+                _raise_cause(residuals, x)
             # A part of the logs may hardly constrain an unknown, which must not run away.
             prior = np.where(of_scene_, 1 / _PRIOR if part < 1 else NO_EVIDENCE, _HARDLY)
             with_prior = partial(_with_prior, residuals=residuals, prior=prior, begin=begin)
@@ -323,7 +317,7 @@ def _solved(
         if not np.isfinite(residuals(x)).all():
             x = begin
         if not np.isfinite(residuals(x)).all():
-            _raise_cause(residuals, x, run)
+            _raise_cause(residuals, x)
         return x, residuals, residuals.jacobian(x), False
     residuals.deadline = np.inf  # for the evidence
     return x, residuals, J, gain < _SHORT
@@ -351,21 +345,21 @@ def _jacobian_with_prior(x: Array, residuals: Residuals, prior: Array) -> Array:
     return np.concatenate([residuals.jacobian(x), np.diag(prior)])
 
 
-def _raise_cause(residuals: Residuals, x: Array, run: Run) -> None:
+def _raise_cause(residuals: Residuals, x: Array) -> None:
     values = residuals.values(x)
     for k, fitted in enumerate(residuals.logs):
         times = np.array([0.0, fitted.log.end])
         with named(fitted.log.name):
             scene = residuals.scene(k, values)
             try:
-                motion = run(scene, times)
+                motion = by_equations(scene, times)
             except InputError as error:
                 # If the scene fails from its own initial state, too, that error is raised instead.
                 initial = residuals.numbers.scene({})
                 motors = [hinge for hinge in initial.hinges if hinge.motor is not None]
                 angles, rates = ({h.name: getattr(h, n) for h in motors} for n in ("angle", "rate"))
                 unchanged = replace(scene, start=initial.start)
-                run(unchanged.with_hinges(angle=angles, rate=rates), times)
+                by_equations(unchanged.with_hinges(angle=angles, rate=rates), times)
                 cause, *_ = str(error).split(";")  # without its remedy
                 raise InputError(
                     "the log does not fit this robot: from the initial state that its first "

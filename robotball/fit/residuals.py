@@ -25,7 +25,6 @@ from robotball.robot.function_drives import HeldCommand
 from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, turned
 
-Run = Callable[[Scene, Array], Motion]
 Change = Callable[[Scene, float], Scene]
 ADDED = "added"  # an unknown that changes the scene
 FIRST = 5  # readings, whose median gives the initial state
@@ -262,11 +261,10 @@ class Residuals:
         numbers: Numbers,
         unknowns: Sequence[Unknown],
         logs: Sequence[FittedLog],
-        run: Run,
         fixed: Mapping[str, float],
         deadline: float = np.inf,
     ) -> None:
-        self.numbers, self.unknowns, self.logs, self.run = numbers, unknowns, logs, run
+        self.numbers, self.unknowns, self.logs = numbers, unknowns, logs
         self.change: Change | None = None
         self.fixed, self.deadline, self.best = fixed, deadline, (np.inf, np.empty(0))
         self._motion = lru_cache(maxsize=2 * len(logs) + 2)(self._run)
@@ -358,7 +356,7 @@ class Residuals:
             warnings.simplefilter("ignore", SceneWarning)
             try:
                 scene, times, at = self._inputs(k, values)
-                motion = self.run(scene, times)
+                motion = by_equations(scene, times)
             except InputError:
                 return None
         if len(motion.times) < len(times):
@@ -407,8 +405,6 @@ class Residuals:
         """Return the derivatives (n,) of a log's residuals by unknowns that affect its motion."""
         from robotball.theory.multibody.integration import integrate_together  # loads numba
 
-        if self.run is not by_equations:
-            return {}
         x = np.array(at)
         here, names = self.values(x), [sensor.name for sensor in self.logs[k].log.sensors]
         with warnings.catch_warnings():
@@ -449,7 +445,7 @@ class Residuals:
     def jacobian(self, x: Array, central: bool = False) -> Array:
         """Return the derivative (n, p) of the residuals.
 
-        central: use central instead of one-sided differences for an engine's motions.
+        central: use central instead of one-sided differences.
         """
         parts = []
         for k, log in enumerate(self.logs):
@@ -475,7 +471,7 @@ class Residuals:
         change: of the scene, by the value of an unknown `ADDED`.
         """
         wider = Residuals(
-            self.numbers, [*self.unknowns, *others], self.logs, self.run, self.fixed, self.deadline
+            self.numbers, [*self.unknowns, *others], self.logs, self.fixed, self.deadline
         )
         wider.change = change
         return wider

@@ -119,8 +119,6 @@ def fit(
     map: options.ColumnNames = (),
     patience: options.Seconds = 120.0,
     all: bool = False,
-    engine: Annotated[str, Parameter(metavar="ENGINE")] = "mujoco",
-    preset: options.Names = (),
     out: options.Out = options.OUT,
     json: options.JsonFile = None,
 ) -> int:
@@ -151,17 +149,13 @@ def fit(
         Time for the search; then the best values so far are reported.
     all
         Fit all logs, and hold none out.
-    engine
-        The engine of the presets.
-    preset
-        Also fit with these presets of the engine, to see how its contact shifts the numbers.
     """
     from ..output import columns_named
     from ..studies.fitting import fit_logs
 
     return fit_logs(
         scene, logs, free, also=also, noise=noise, names=columns_named(map),
-        patience=patience, hold_out=not all, engine=engine, presets=preset, out=out, json=json,
+        patience=patience, hold_out=not all, out=out, json=json,
     )  # fmt: skip
 
 

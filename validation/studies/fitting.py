@@ -1,11 +1,10 @@
-"""Fit a scene's numbers to a robot's logs, with the equations and with engines.
+"""Fit a scene's numbers to a robot's logs.
 
 The result is printed, and written as a scene file, as a page with the residuals, and as JSON.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from rich.columns import Columns
 from rich.console import Console
 
 from robotball import InputError
-from robotball.engines.engine import request_of, run_request
 from robotball.fit.evidence import Estimate, SensorFit
 from robotball.fit.fitting import Fit as Fitted
 from robotball.fit.fitting import fit
@@ -38,7 +36,6 @@ from ..output import (
 from ..report import VERDICTS, page, paragraph, plot, table, text
 from ..report.chart import Line
 
-_EQUATIONS = "equations"
 _STRONG = 0.9  # smallest correlation to report
 
 
@@ -116,30 +113,8 @@ def _sensor_rows(fitted: Fitted) -> Iterator[list[str]]:
         ]
 
 
-def _comparison(fits: Mapping[str, Fitted]) -> tuple[list[str], list[list[str]]]:
-    """Return a table of the numbers from each engine, relative to those from the equations."""
-    exact = fits[_EQUATIONS]
-    headings = ["fitted with", *(number.name for number in exact.found), "χ²/n"]
-    rows = []
-    for name, fitted in fits.items():
-        cells = [f"{number.value:.6g}" for number in fitted.found]
-        if fitted is not exact:
-            pairs = zip(fitted.found, exact.found, strict=True)
-            cells = [_relative(a.value - b.value, b.value, "+") for a, b in pairs]
-        rows.append([name, *cells, f"{fitted.chi2 / fitted.degrees:.3g}"])
-    deviations = [_relative(number.deviation, abs(number.value)) for number in exact.found]
-    rows.append(["(one standard deviation)", *deviations, ""])
-    return headings, rows
-
-
-def _relative(part: float, whole: float, sign: str = "") -> str:
-    """Format a part as a percentage of the whole, or as it is if the whole is 0."""
-    return f"{part / whole:{sign}.2%}".replace("%", " %") if whole else f"{part:{sign}.3g}"
-
-
-def _fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
+def _fit_page(scene: str, fitted: Fitted) -> str:
     """Return the page of a fit: its report, the numbers, and the residuals."""
-    fitted = fits[_EQUATIONS]
     verdict, *others = lines(fitted)
     body = [
         f"<h1>{text(scene)}: fitted to its logs</h1>",
@@ -149,11 +124,9 @@ def _fit_page(scene: str, fits: Mapping[str, Fitted]) -> str:
         table(_HEADINGS, _numbers((*fitted.found, *fitted.of_logs))),
         "<h2>Sensors</h2>",
         table(_SENSORS, _sensor_rows(fitted)),
+        "<h2>Residuals</h2>",
+        *map(_residual_plot, (*fitted.sensors, *fitted.held_out)),
     ]
-    if len(fits) > 1:
-        words = "A wrong contact model shifts the numbers. Differences from the equations:"
-        body += ["<h2>Other engines</h2>", paragraph(words), table(*_comparison(fits))]
-    body += ["<h2>Residuals</h2>", *map(_residual_plot, (*fitted.sensors, *fitted.held_out))]
     return page(f"robotball: {scene}, fitted", body)
 
 
@@ -171,8 +144,7 @@ def _residual_plot(sensor: SensorFit) -> str:
 _MEASURES = ("noise", "residual", "probability", "since")
 
 
-def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
-    fitted = fits[_EQUATIONS]
+def _record(scene: str, fitted: Fitted) -> dict[str, Any]:
     names = ("explains", "chi2", "probability", "complete", "reason")
     texts = ("undetermined", "contradictions", "at_limits", "influences", "moving")
     return {
@@ -194,15 +166,6 @@ def _record(scene: str, fits: Mapping[str, Fitted]) -> dict[str, Any]:
             }
             for sensor in (*fitted.sensors, *fitted.held_out)
         ],
-        "by_engines": [
-            {
-                "name": name,
-                "chi2_per_degree": other.chi2 / other.degrees,
-                "numbers": [_plain(number) for number in other.found],
-            }
-            for name, other in fits.items()
-            if name != _EQUATIONS
-        ],
     }
 
 
@@ -220,8 +183,6 @@ def fit_logs(
     names: Mapping[str, str],
     patience: float,
     hold_out: bool,
-    engine: str,
-    presets: Sequence[str],
     out: Path,
     json: Path | None,
 ) -> int:
@@ -232,40 +193,31 @@ def fit_logs(
     if not free:
         Console().print(Columns(numbers.known))
         raise InputError("name the numbers to find with --free; the list above has all of them")
-    if engine != "mujoco" and not presets:
-        raise InputError("--engine needs presets: name some, such as --preset naive,balanced")
     scene = numbers.scene({})
     logs = [read_log(path, scene, names) for path in paths]
-    runs: dict[str, dict[str, Any]] = {_EQUATIONS: {}}
-    for preset in presets:
-        # A faulty run must continue to the end of the log.
-        request = request_of(engine, preset, keep_going=True)
-        runs[f"{engine}, {preset}"] = {"run": partial(run_request, request=request)}
     held = len(logs) - 1 if len(logs) > 1 and hold_out else None
-    more: dict[str, Any] = {"circumstances": also, "noise": _noise_of(noise), "hold_out": held}
-    more["patience"] = patience
     writable_folder(out)
-    fits: dict[str, Fitted] = {}
-    with progress_bar(len(runs)) as bar:
-        for name, options in runs.items():
+    with progress_bar(1) as bar:
 
-            def show(part: float, chi2: float, name: str = name) -> None:
-                bar(len(fits) + part, f"{name}: χ²/n = {chi2:.3g} over {part:.0%} of the logs")
+        def show(part: float, chi2: float) -> None:
+            bar(part, f"χ²/n = {chi2:.3g} over {part:.0%} of the logs")
 
-            fits[name] = fit(numbers, logs, free, progress=show, **more, **options)
+        fitted = fit(
+            numbers, logs, free, circumstances=also, noise=_noise_of(noise), patience=patience,
+            hold_out=held, progress=show,
+        )  # fmt: skip
     for log in logs:
         for note in log.notes:
             print(f"{log.name}: {note}")
-    fitted, console = fits[_EQUATIONS], Console()
+    console = Console()
     estimates = _HEADINGS, _numbers((*fitted.found, *fitted.of_logs))
-    others = [_comparison(fits)] if len(fits) > 1 else []
-    for headings, rows in (estimates, (_SENSORS, _sensor_rows(fitted)), *others):
+    for headings, rows in (estimates, (_SENSORS, _sensor_rows(fitted))):
         print_whole(plain_table(headings, rows=rows), console)
     print(*lines(fitted), sep="\n")
     scene_file, page_file = (out / f"fit-{scene.name}{end}" for end in (numbers.suffix, ".html"))
     write_text(scene_file, fitted.text)
-    write_text(page_file, _fit_page(scene.name, fits))
-    write_record(json, _record(scene.name, fits))
+    write_text(page_file, _fit_page(scene.name, fitted))
+    write_record(json, _record(scene.name, fitted))
     print(scene_file, page_file, sep="\n")
     agrees = fitted.explains and _constrained(fitted) and not fitted.at_limits
     return AGREES if agrees else DISAGREES

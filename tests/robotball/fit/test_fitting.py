@@ -14,7 +14,7 @@ import pytest
 import robotball as rb
 from robotball.fit import fitting
 from robotball.fit.first import first_values
-from robotball.fit.residuals import Residuals, by_equations, held, of_log, of_scene
+from robotball.fit.residuals import Residuals, held, of_log, of_scene
 from robotball.fit.scene_numbers import numbers_of
 from robotball.fit.sensing import apart, contradictions, noise_of, stands_still, times_of
 from robotball.motion import Motion
@@ -196,7 +196,7 @@ def test_the_need_of_a_ball_that_sticks_is_not_the_friction_of_its_slip() -> Non
     numbers = numbers_of(scene)
     unknowns = of_scene(numbers, ["friction.sliding"], scene.ball.radius)
     unknowns += of_log(sensed, 0, [])
-    residuals = Residuals(numbers, unknowns, [sensed], by_equations, {})
+    residuals = Residuals(numbers, unknowns, [sensed], {})
     x = np.zeros(len(unknowns))
     assert residuals.needs(x)[0] == pytest.approx(0.3, abs=1e-9)
     assert residuals.needs(x, sticking=True)[0] < 1e-9

@@ -7,7 +7,7 @@ the first part of each motion, because a wrong guess soon loses phase with the l
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -278,16 +278,15 @@ def _solved(
             residuals = of_part([log.until(part) for log in logs], deadline=deadline)
             if part == _PARTS[0]:
                 x = begin = _with_resistance(residuals, x, low, high)
-            if not np.isfinite(residuals(x)).all():
-                x = begin  # the shorter part may have led to a motion that ends early
-            if not np.isfinite(first := residuals(x)).all():
-                _raise_cause(residuals, x)
+            # The shorter part may have led to a motion that ends early.
+            x = _possible(residuals, x, begin)
+            count = len(residuals(x))
             # A part of the logs may hardly constrain an unknown, which must not run away.
             prior = np.where(of_scene_, 1 / _PRIOR if part < 1 else NO_EVIDENCE, _HARDLY)
             with_prior = partial(_with_prior, residuals=residuals, prior=prior, begin=begin)
             # A trial may lead to an impossible body.
             jacobian = partial(_jacobian_with_prior, residuals=residuals, prior=prior)
-            ftol = _NO_GAIN / len(first) if part == 1 else _ROUGHLY
+            ftol = _NO_GAIN / count if part == 1 else _ROUGHLY
             solve = partial(least_squares, with_prior, jac=jacobian, bounds=(low, high))
             solve = partial(solve, ftol=ftol, max_nfev=_MOST_TRIALS)
             with np.errstate(over="ignore", invalid="ignore"):
@@ -300,7 +299,7 @@ def _solved(
                 if (lower < x).any() and (lower >= low).all():
                     x = min(x, solve(lower).x, key=lambda end: chi2_of(with_prior(end)))
             if progress is not None:
-                progress(part, chi2_of(with_prior(x)) / len(first))
+                progress(part, chi2_of(with_prior(x)) / count)
         for _ in range(_LAST_STEPS):
             J, left = residuals.jacobian(x, central=True), with_prior(x)
             step = -np.linalg.lstsq(np.concatenate([J, np.diag(prior)]), left)[0]
@@ -314,10 +313,7 @@ def _solved(
     except TimeoutError:
         x = residuals.best[1] if np.isfinite(residuals.best[0]) else x
         residuals = of_part(logs)
-        if not np.isfinite(residuals(x)).all():
-            x = begin
-        if not np.isfinite(residuals(x)).all():
-            _raise_cause(residuals, x)
+        x = _possible(residuals, x, begin)
         return x, residuals, residuals.jacobian(x), False
     residuals.deadline = np.inf  # for the evidence
     return x, residuals, J, gain < _SHORT
@@ -345,26 +341,21 @@ def _jacobian_with_prior(x: Array, residuals: Residuals, prior: Array) -> Array:
     return np.concatenate([residuals.jacobian(x), np.diag(prior)])
 
 
-def _raise_cause(residuals: Residuals, x: Array) -> None:
-    values = residuals.values(x)
+def _possible(residuals: Residuals, x: Array, begin: Array) -> Array:
+    """Return x, or `begin` if x has no motion. Raises InputError with the cause if neither has."""
+    for trial in (x, begin):
+        if np.isfinite(residuals(trial)).all():
+            return trial
     for k, fitted in enumerate(residuals.logs):
         times = np.array([0.0, fitted.log.end])
         with named(fitted.log.name):
-            scene = residuals.scene(k, values)
             try:
-                motion = by_equations(scene, times)
+                by_equations(residuals.scene(k, residuals.values(begin)), times)
             except InputError as error:
-                # If the scene fails from its own initial state, too, that error is raised instead.
-                initial = residuals.numbers.scene({})
-                motors = [hinge for hinge in initial.hinges if hinge.motor is not None]
-                angles, rates = ({h.name: getattr(h, n) for h in motors} for n in ("angle", "rate"))
-                unchanged = replace(scene, start=initial.start)
-                by_equations(unchanged.with_hinges(angle=angles, rate=rates), times)
+                by_equations(residuals.numbers.scene({}), times)  # the scene alone may have none
                 cause, *_ = str(error).split(";")  # without its remedy
                 raise InputError(
                     "the log does not fit this robot: from the initial state that its first "
                     f"readings give, {cause}; check the sensors' units, axes and noise"
                 ) from error
-            if len(motion.times) < 2:
-                raise InputError(f"the motion of {scene.name} ends before the log")
-    raise InputError(f"{scene.name}, with its initial numbers, has no motion as long as the logs")
+    raise InputError("the scene, with its initial numbers, has no motion as long as the logs")

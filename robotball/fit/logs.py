@@ -38,7 +38,7 @@ _SENSORS = {
     "shell_gyro": ("shell_wx", "shell_wy", "shell_wz"),
     "accelerometer": ("ax", "ay", "az"),
 }
-_OF_HINGES = ("angle", "rate", "torque", "current")
+_OF_HINGES = ("angle", "rate", "torque")
 _COMMAND = "command"
 _G = 9.80665  # m/s²
 # By the last word of a sensor's name.
@@ -50,7 +50,6 @@ _UNITS: dict[str, Units] = {
     "angle": DEGREES,
     "rate": RATES,
     "torque": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "N·m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
-    "current": {"A": 1.0, "mA": 1e-3},
 }
 _COMMANDS: Units = dict.fromkeys(VALUES, 1.0)  # units that need no conversion
 # Largest readings that are plausible without a unit, 4000 deg/s and 40 g; their unit, another unit.
@@ -67,7 +66,7 @@ class Sensor(Value):
     ----------
     name : str
         "position", "attitude", "gyro", "shell_gyro", "accelerometer", or the name of a hinge with
-        "_angle", "_rate", "_torque" or "_current".
+        "_angle", "_rate" or "_torque".
     times : (n,), s
         Increasing times.
     values : (n, k)

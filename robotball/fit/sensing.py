@@ -11,11 +11,9 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from robotball.errors import InputError, unknown
+from robotball.errors import unknown
 from robotball.fit.logs import Sensor
 from robotball.motion import Motion, ReferenceMotion
-from robotball.robot.motors import DCMotor
-from robotball.robot.scene import Scene
 from robotball.rotations import Array, multiply, rotation_matrix, turn_between
 
 Rows = NDArray[np.intp]
@@ -114,8 +112,7 @@ def _read_at(sensor: Sensor, amounts: Mapping[str, Array]) -> Array:
 def apart(sensor: Sensor, motion: Motion, rows: Rows, amounts: Mapping[str, Array]) -> Array:
     """Return a sensor's readings minus the motion's (n, k); rotation vectors for an attitude.
 
-    rows: samples of the motion at `times_of`. Raises InputError for a current of a motor whose
-    stall current is not in the scene.
+    rows: samples of the motion at `times_of`.
     """
     read = _readings(sensor, motion, rows, amounts)
     early = _read_at(sensor, amounts) < 0
@@ -154,8 +151,7 @@ def _readings(sensor: Sensor, motion: Motion, rows: Rows, amounts: Mapping[str, 
         return motion.hinge_angles[rows, i : i + 1] + amounts.get(f"{name}{_ZERO}", 0.0)
     if kind == "rate":
         return motion.hinge_rates[rows, i : i + 1]
-    torque = motion.loads.motor_torques[rows, i : i + 1]
-    return torque if kind == "torque" else torque / _torque_constant(scene, i)
+    return motion.loads.motor_torques[rows, i : i + 1]
 
 
 def of_shell(motion: Motion) -> Array:
@@ -178,17 +174,6 @@ def _carried(motion: Motion, rows: Rows, name: str) -> tuple[Array, Array]:
     turn = np.concatenate([np.cos(half), np.sin(half) * link.axis], axis=1)
     turning = np.einsum("nji,nj->ni", rotation_matrix(turn), turning)
     return multiply(attitude, turn), turning + np.outer(motion.hinge_rates[rows, i - 1], link.axis)
-
-
-def _torque_constant(scene: Scene, i: int) -> float:
-    """Return the torque on a hinge per motor current [N m/A]."""
-    motor = scene.hinges[i].motor
-    if not isinstance(motor, DCMotor) or not motor.stall_current:
-        raise InputError(
-            f"{scene.hinges[i].name}_current: the torque per current is unknown; give the hinge a "
-            "dc_motor with a stall_current"
-        )
-    return motor.efficiency * motor.gear * motor.stall_torque / motor.stall_current
 
 
 def _position(sensor: Sensor, motion: Motion, rows: Rows, amounts: Mapping[str, Array]) -> Array:

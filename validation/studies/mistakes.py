@@ -62,7 +62,6 @@ _DEFAULTS = 1.0, 0.5
 _MOST_MISTAKES = 4  # mistakes searched for in one file
 _TRIED = 1e-9  # rtol of a mistaken scene's motion, far below the errors that matter
 _SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
-_TURNS = "attitude", "world"  # families of conventions that change the attitude
 _NOT_THE_RATE = "the angular velocity is not the rate of the attitude"
 _ASTRAY = 1e-2  # relative error of ω from which it is computed anew; half a step late has less
 _FINE = 4000  # samples of a motion that is interpolated
@@ -116,16 +115,12 @@ def _some_of(count: int) -> slice:
     return slice(None, None, max(1, count // _SAMPLES))
 
 
-def _errors_at(file: Trajectory, truth: _Truth, angle: Array | None = None) -> tuple[Array, ...]:
-    """Return the errors (n,) of path, attitude and, if known, ω, in the units of `Errors`.
-
-    Pass the attitude's error as `angle` (n,) if it is known.
-    """
+def _errors_at(file: Trajectory, truth: _Truth) -> tuple[Array, ...]:
+    """Return the errors (n,) of path, attitude and, if known, ω, in the units of `Errors`."""
     offset, omega = file.position[:, :2] - truth.motion.contact_point, truth.motion.angular_velocity
     path = np.linalg.norm(offset, axis=1) / truth.path_scale
-    if angle is None:
-        # An unknown attitude has no error.
-        angle = np.nan_to_num(angle_between(truth.motion.attitude, file.attitude))
+    # An unknown attitude has no error.
+    angle = np.nan_to_num(angle_between(truth.motion.attitude, file.attitude))
     if file.angular_velocity is None:
         return path, angle
     fastest = np.linalg.norm(omega, axis=1).max()
@@ -545,10 +540,7 @@ def _truth_of(theory: Motion, times: Array, step: int = 1) -> _Truth:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A mistake to try: rows of the file with the mistake undone, and their expected values.
-
-    Most conventions leave the attitude as it is; then `angle` (n,) is its known error.
-    """
+    """A mistake to try: rows of the file with the mistake undone, and their expected values."""
 
     family: str
     name: str
@@ -556,11 +548,10 @@ class _Candidate:
     file: Trajectory
     truth: _Truth
     scene: Scene
-    angle: Array | None = None
 
     @cached_property
     def errors(self) -> tuple[Array, ...]:
-        return _errors_at(self.file, self.truth, self.angle)
+        return _errors_at(self.file, self.truth)
 
     @cached_property
     def typical(self) -> Array:
@@ -631,7 +622,7 @@ class Search:
             candidates = [
                 _Candidate(
                     convention.family, convention.name, convention.parts, convention.undo(now.file),
-                    now.truth, now.scene, None if convention.family in _TURNS else now.errors[1],
+                    now.truth, now.scene,
                 )
                 for convention in _conventions(now.truth, self._has_height)
                 if convention.family not in families

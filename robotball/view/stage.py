@@ -60,8 +60,8 @@ _RIM = 0.6  # reflectance of the glass at grazing incidence
 _OPAQUE = 0.99  # below 0.995, the limit under which MuJoCo blends a geom with its texture's opacity
 
 
-def build_stage(looks: Looks, colours: Sequence[str], opacities: Sequence[float]) -> mujoco.MjSpec:
-    """Return a model of the floor and one ball per colour and opacity; lengths in radii.
+def build_stage(looks: Looks, colours: Sequence[str]) -> mujoco.MjSpec:
+    """Return a model of the floor and one ball per colour; lengths in radii.
 
     Mocap bodies are in the order of `looks`, first for the first ball, then for the next.
     Bodies and materials are prefixed with their ball: "ball0_shell", "ball1_rotor1".
@@ -70,9 +70,9 @@ def build_stage(looks: Looks, colours: Sequence[str], opacities: Sequence[float]
     assets, world = root.find("asset"), root.find("worldbody")
     assert assets is not None
     assert world is not None
-    for number, (colour, opacity) in enumerate(zip(colours, opacities, strict=True)):
+    for number, colour in enumerate(colours):
         prefix, rgb = f"ball{number}_", " ".join(f"{part:g}" for part in palette.rgb(colour))
-        add_materials(assets, looks, dict.fromkeys(_OWN, rgb), prefix, opacity)
+        add_materials(assets, looks, dict.fromkeys(_OWN, rgb), prefix)
         for name, shapes in looks.items():
             body = SubElement(world, "body", name=f"{prefix}{name}", mocap="true")
             add_geoms(assets, body, shapes, prefix=prefix)
@@ -157,7 +157,7 @@ class Stage:
             self._paths.append(paths[-1])
             self._strips.append(2 * self._strips[-1] * np.repeat(slips[:: self._step], 2)[:, None])
             self._trails.append(SLIPS.colour)
-        spec = build_stage(looks, colours, np.ones(len(colours)).tolist())
+        spec = build_stage(looks, colours)
         for i, strip in enumerate(self._strips):
             _add_strip(spec, f"path{i}", len(strip))
             _add_texture(spec, f"shadow{i}", np.zeros((_TEXELS, _TEXELS)), 0)

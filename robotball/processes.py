@@ -160,12 +160,6 @@ def _answer(future: futures.Future[Answer]) -> Answer:
         raise ChildProcessError("a worker process was killed from outside") from None
 
 
-def prepare(*modules: str) -> None:
-    """Import modules in the background for processes that will need them."""
-    if allowed() > 1:
-        _start_server(modules)
-
-
 @contextmanager
 def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., futures.Future[Answer]]]:
     """Start `count` workers and yield a function (job, limit [s]) that submits a job to one.

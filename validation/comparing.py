@@ -13,11 +13,13 @@ from robotball.rotations import Array
 
 from .agreement import Agreement, compare_with
 from .output import Show, progress_bar
-from .plots import MANY, draw
+from .plots import draw
 from .results import Record, record
 
 if TYPE_CHECKING:
     from robotball.view.render import Film
+
+_MANY = 4  # scenes from which on they are compared in several processes
 
 
 def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compared"]:
@@ -25,7 +27,7 @@ def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compa
     runs = len(comparing.requests)
     with progress_bar(len(scenes) * runs) as show:
         # Starting processes takes longer than comparing a few scenes.
-        if len(scenes) < MANY or allowed() == 1:
+        if len(scenes) < _MANY or allowed() == 1:
             return [comparing(scene, shifted(show, i * runs)) for i, scene in enumerate(scenes)]
         results = []
         for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):

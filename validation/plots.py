@@ -1,20 +1,13 @@
-"""Draw the pictures of a scene's agreements: paths, their distance, and the error of M.
+"""Draw the pictures of a scene's agreements: paths, their distance, and the error of M."""
 
-Importing Matplotlib takes longer than comparing a short motion. So other processes import it and
-draw, unless this process has imported it. A Sheet has the numbers of a picture and can be pickled.
-"""
-
-import sys
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotball.processes import in_processes, prepare
+from robotball.rotations import Array
 
 from .output import in_picture, title, write_picture
 
@@ -26,11 +19,6 @@ if TYPE_CHECKING:
 
     from .agreement import Agreement
 
-# Importing this type from robotball.rotations would load SciPy into processes that only draw.
-_Array = NDArray[np.float64]
-
-_MATPLOTLIB = "matplotlib.backends.backend_agg"  # loads all parts that a PNG needs
-MANY = 4  # scenes from which on they are compared, and drawn, in several processes
 _MOST = 50_000  # points of a line, a dozen for each column of pixels
 # A relative error below the rounding of 1 has no meaning, and 0 has no logarithm.
 LEAST = 1e-17
@@ -39,31 +27,18 @@ LEAST = 1e-17
 _WIDTH, _LEFT, _RIGHT, _HIGH, _ABOVE, _ROW, _BELOW = 8.0, 1.1, 7.6, 2.7, 0.8, 0.21, 0.75
 
 
-def prepare_drawing(scenes: int) -> None:
-    """Start importing Matplotlib in other processes, for a later `draw`."""
-    if scenes < MANY and _MATPLOTLIB not in sys.modules:
-        with suppress(OSError):  # then this process draws
-            prepare(__name__, _MATPLOTLIB)
-
-
 def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
     """Write two PNGs of a scene's agreements with an engine, and return their paths."""
     from .results import file_stem
 
-    name, sheet = file_stem(agreements), sheet_of(agreements)
-    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in PICTURES]
-    if _MATPLOTLIB not in sys.modules:
-        with suppress(OSError):  # no process could start, or one was killed
-            return list(in_processes(_write, drawings))
-    return [_write(drawing) for drawing in drawings]
+    name = file_stem(agreements)
+    return [
+        write_picture(out / f"{name}-{kind}.png", picture(agreements))
+        for kind, picture in PICTURES.items()
+    ]
 
 
-def _write(drawing: tuple[str, "_Sheet", Path]) -> Path:
-    kind, sheet, path = drawing
-    return write_picture(path, PICTURES[kind](sheet))
-
-
-def in_view(own: _Array, every: _Array, reach: float) -> tuple[float, float]:
+def in_view(own: Array, every: Array, reach: float) -> tuple[float, float]:
     """Return the ends of an axis that shows all of `own` (n,), and `every` (m,) within reach.
 
     The last samples of a broken run may have any value and leave the picture.
@@ -73,7 +48,7 @@ def in_view(own: _Array, every: _Array, reach: float) -> tuple[float, float]:
     return max(low - reach, every.min(initial=low)), min(high + reach, every.max(initial=high))
 
 
-def framed(agreements: Sequence["Agreement"]) -> _Array:
+def framed(agreements: Sequence["Agreement"]) -> Array:
     """Return the ends (2, 2) of the axes X and Y [m] of a picture of the paths, to one scale.
 
     The picture is 0.2 to 0.7 times as high as wide, and wider than rounding errors.
@@ -89,95 +64,11 @@ def framed(agreements: Sequence["Agreement"]) -> _Array:
     return np.column_stack([ends.mean(axis=1) - half, ends.mean(axis=1) + half])
 
 
-@dataclass(frozen=True)
-class _Line:
-    """A motion in a picture.
-
-    Attributes
-    ----------
-    look : Look
-        The style.
-    contact_point : (n, 2), m
-        The path.
-    errors : sequence of pairs of (n,)
-        Times [s] and values of the path error [m] and of the relative momentum error, without the
-        start, where they are 0.
-    finished : bool
-        Whether the run reached the end.
-    """
-
-    look: "LineStyle"
-    contact_point: _Array
-    errors: Sequence[tuple[_Array, _Array]] = ()
-    finished: bool = True
-
-
-@dataclass(frozen=True)
-class _Sheet:
-    """The contents of a scene's pictures.
-
-    Attributes
-    ----------
-    title : str
-        The title.
-    lines : sequence of _Line
-        The motions, the reference first.
-    slip_paths : sequence of (k, 2), m
-        The parts of the reference's path on which the ball slips.
-    slips : sequence of (float, float), s
-        The intervals in which the ball slips.
-    momentum : str
-        A text with M if it is constant.
-    momentum_scale, path_scale : float
-        The units of the errors [kg m²/s, m].
-    frame : (2, 2), m
-        The ends of the axes X and Y.
-    """
-
-    title: str
-    lines: Sequence[_Line]
-    slip_paths: Sequence[_Array]
-    slips: Sequence[tuple[float, float]]
-    momentum: str
-    momentum_scale: float
-    path_scale: float
-    frame: _Array
-
-
-def sheet_of(agreements: Sequence["Agreement"]) -> _Sheet:
-    """Return the sheet of a scene's agreements with an engine."""
-    from robotball.view.tracks import line_looks, slip_parts, slips_of
-
-    theory = agreements[0].theory
-    scene = theory.scene
-    own, *looks = line_looks([theory, *(run.motion for run in agreements)])
-    vector = ", ".join(f"{component:.3g}" for component in theory.momentum[0].round(12) + 0.0)
-    path, slips = _thinned(theory.contact_point), slips_of(theory)
-    return _Sheet(
-        title=f"{scene.name}: {scene.title}",
-        lines=[_Line(own, path), *map(_line, looks, agreements)],
-        slip_paths=[path[part] for part in slip_parts(slips, _thinned(theory.times))],
-        slips=slips,
-        momentum=f"M = ({vector}) kg m²/s is constant" if scene.keeps_momentum else "momentum M",
-        momentum_scale=scene.momentum_scale,
-        path_scale=theory.path_scale,
-        frame=framed(agreements),
-    )
-
-
-def _line(look: "LineStyle", agreement: "Agreement") -> _Line:
-    times, errors = agreement.motion.times, []
-    for values in (agreement.path_errors, agreement.momentum_errors):
-        which = 1 + extremes(values[1:])
-        errors.append((times[which], values[which]))
-    return _Line(look, _thinned(agreement.motion.contact_point), errors, agreement.finished)
-
-
-def _thinned(values: _Array) -> _Array:
+def _thinned(values: Array) -> Array:
     return values[:: 1 + len(values) // _MOST]
 
 
-def extremes(values: _Array) -> NDArray[np.int64]:
+def extremes(values: Array) -> NDArray[np.int64]:
     """Return the indices of values (n,) to draw: all, or the extremes of bins if there are many."""
     if len(values) <= _MOST:
         return np.arange(len(values))
@@ -187,52 +78,68 @@ def extremes(values: _Array) -> NDArray[np.int64]:
     return np.array(ends).ravel()
 
 
-def path_picture(sheet: _Sheet) -> "Figure":
+def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
     """Draw the paths of the contact points, and their distance over time below."""
-    from robotball.view.tracks import draw_slips
+    from robotball.view.tracks import draw_slips, slip_parts, slips_of
 
-    across, up = np.ptp(sheet.frame, axis=1)
-    figure, (paths, errors) = _panels(sheet, (_RIGHT - _LEFT) * up / across, _HIGH)
-    for i, line in enumerate(sheet.lines):
-        _draw(paths, line, i, *line.contact_point.T)
-    draw_slips(paths, sheet.slip_paths)
-    paths.plot(*sheet.lines[0].contact_point[0], "ko", markersize=8, zorder=4, label="start")
-    if not all(line.finished for line in sheet.lines):
+    theory, (x, y) = agreements[0].theory, framed(agreements)
+    height = (_RIGHT - _LEFT) * float(np.ptp(y) / np.ptp(x))
+    figure, (paths, errors) = _panels(agreements, height, _HIGH)
+    path, (own, looks) = _thinned(theory.contact_point), _looks(agreements)
+    _draw(paths, own, 0, path)
+    for i, (look, run) in enumerate(zip(looks, agreements, strict=True), 1):
+        _draw(paths, look, i, _thinned(run.motion.contact_point), run.finished)
+    parts = slip_parts(slips_of(theory), _thinned(theory.times))
+    draw_slips(paths, [path[part] for part in parts])
+    paths.plot(*path[0], "ko", markersize=8, zorder=4, label="start")
+    if not all(run.finished for run in agreements):
         paths.plot([], [], "kX", markersize=9, label="a run breaks off")
-    x, y = sheet.frame
     paths.set(xlim=x, ylim=y, xlabel="X [m]", ylabel="Y [m]", aspect="equal")
     paths.set_title("contact point on the plane, to one scale")
     errors.set_ylabel("distance of the\ncontact points [m]")
-    _draw_errors(figure, sheet, 0, sheet.path_scale)
+    _draw_errors(figure, agreements, [run.path_errors for run in agreements], theory.path_scale)
     return figure
 
 
-def momentum_picture(sheet: _Sheet) -> "Figure":
+def momentum_picture(agreements: Sequence["Agreement"]) -> "Figure":
     """Draw the error of M over time."""
-    figure, (errors,) = _panels(sheet, _HIGH)
-    _draw_errors(figure, sheet, 1)
-    scale = f"error of M, over\n{sheet.momentum_scale:.3g} kg m²/s"
-    errors.set(ylabel=scale, title=sheet.momentum)
+    scene, M = agreements[0].scene, agreements[0].theory.momentum[0].round(12) + 0.0
+    vector = ", ".join(f"{component:.3g}" for component in M)
+    kept = f"M = ({vector}) kg m²/s is constant" if scene.keeps_momentum else "momentum M"
+    figure, (errors,) = _panels(agreements, _HIGH)
+    _draw_errors(figure, agreements, [run.momentum_errors for run in agreements])
+    errors.set(ylabel=f"error of M, over\n{scene.momentum_scale:.3g} kg m²/s", title=kept)
     return figure
 
 
 PICTURES = {"path": path_picture, "momentum": momentum_picture}
 
 
-def _panels(sheet: _Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
+def _looks(agreements: Sequence["Agreement"]) -> "tuple[LineStyle, list[LineStyle]]":
+    """Return the styles of the reference and of the runs."""
+    from robotball.view.tracks import line_looks
+
+    own, *looks = line_looks([agreements[0].theory, *(run.motion for run in agreements)])
+    return own, looks
+
+
+def _panels(agreements: Sequence["Agreement"], *heights: float) -> "tuple[Figure, list[Axes]]":
     """Return a figure of panels with heights in inches; the last shows errors over time."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
 
+    from robotball.view.tracks import slips_of
+
+    scene, slips = agreements[0].scene, slips_of(agreements[0].theory)
     # Fixed margins: an automatic layout takes as long as the rest of the picture.
     # Three names each: the lines, the start, the end of a broken run, and slip.
-    rows = (len(sheet.lines) + 4 + bool(sheet.slips)) // 3
+    rows = (len(agreements) + 5 + bool(slips)) // 3
     above = _ABOVE + _ROW * rows
     high = above + sum(heights) + _BELOW * len(heights)
     across = {"left": _LEFT / _WIDTH, "right": _RIGHT / _WIDTH, "height_ratios": heights}
     along = {"top": 1 - above / high, "bottom": _BELOW / high, "hspace": _BELOW / np.mean(heights)}
     figure = Figure(figsize=(_WIDTH, high))
-    title(figure, sheet.title)
+    title(figure, f"{scene.name}: {scene.title}")
     panels = [*figure.subplots(len(heights), squeeze=False, gridspec_kw=across | along)[:, 0]]
     for panel in panels:
         panel.grid(alpha=0.3)
@@ -243,33 +150,45 @@ def _panels(sheet: _Sheet, *heights: float) -> "tuple[Figure, list[Axes]]":
     return figure, panels
 
 
-def _draw(axes: "Axes", line: _Line, place: int, x: _Array, y: _Array) -> None:
-    """Draw a line, with a cross at the end of a broken run.
+def _draw(
+    axes: "Axes", look: "LineStyle", place: int, points: Array, finished: bool = True
+) -> None:
+    """Draw a line through points (n, 2), with a cross at the end of a broken run.
 
-    The `place` of the line in the picture shifts its markers, so that equal paths stay visible.
+    The `place` of the line in the picture shifts its markers, so that equal paths stay visible. The
+    reference is at place 0.
     """
-    look, every = line.look, 1 + len(x) // 8
+    every = 1 + len(points) // 8
     first = place % 6 * every // 6
-    style: dict[str, Any] = {"linewidth": 1.5, "linestyle": (0, look.dash) if look.dash else "-"}
-    if not line.errors:  # the reference
-        style = {"linewidth": 5, "alpha": 0.6}
+    style: dict[str, Any] = {"linewidth": 5, "alpha": 0.6}
+    if place:
+        style = {"linewidth": 1.5, "linestyle": (0, look.dash) if look.dash else "-"}
     style |= {"marker": look.marker, "markevery": (first, every), "label": in_picture(look.label)}
-    axes.plot(x, y, color=look.colour, **style)
-    if not line.finished:
-        axes.plot(x[-1:], y[-1:], "X", color=look.colour, mec="black", markersize=10, zorder=5)
+    axes.plot(*points.T, color=look.colour, **style)
+    if not finished:
+        axes.plot(*points[-1:].T, "X", color=look.colour, mec="black", markersize=10, zorder=5)
 
 
-def _draw_errors(figure: "Figure", sheet: _Sheet, kind: int, scale: float = 1.0) -> None:
-    """Draw one kind of errors in the last panel, down to rounding, and the legend at the top."""
-    from robotball.view.tracks import draw_slips
+def _draw_errors(
+    figure: "Figure",
+    agreements: Sequence["Agreement"],
+    errors: Sequence[Array],
+    scale: float = 1.0,
+) -> None:
+    """Draw the errors of each run in the last panel, and the legend at the top.
 
-    least, axes = LEAST * scale, figure.axes[-1]
-    errors = [line.errors[kind] for line in sheet.lines[1:]]
-    low = any((values < least).any() for _, values in errors)
+    They are drawn down to rounding, without the start, where they are 0.
+    """
+    from robotball.view.tracks import draw_slips, slips_of
+
+    least, axes, (_, looks) = LEAST * scale, figure.axes[-1], _looks(agreements)
+    low = any((values[1:] < least).any() for values in errors)
     axes.set_xlabel("time [s]" + f"; errors below {least:.0e} are drawn there" * low)
-    for i, (line, (times, values)) in enumerate(zip(sheet.lines[1:], errors, strict=True)):
-        _draw(axes, line, i + 1, times, np.maximum(values, least))
-    draw_slips(axes, slips=sheet.slips)
+    for i, (look, run, values) in enumerate(zip(looks, agreements, errors, strict=True), 1):
+        shown = 1 + extremes(values[1:])
+        heights = np.maximum(values[shown], least)
+        _draw(axes, look, i, np.column_stack([run.motion.times[shown], heights]), run.finished)
+    draw_slips(axes, slips=slips_of(agreements[0].theory))
     named = figure.axes[0].get_legend_handles_labels()
     place = (0.5, 1 - 0.5 / figure.get_figheight())
     figure.legend(*named, loc="upper center", bbox_to_anchor=place, ncols=3, frameon=False)

@@ -28,11 +28,9 @@ from validation.cli import parse
 from validation.output import progress_bar, writable_file, write_rows, write_text
 from validation.plots import (
     extremes,
-    framed,
     in_view,
     momentum_picture,
     path_picture,
-    sheet_of,
 )
 from validation.results import changed, file_name, file_stem, scenes_of
 from validation.studies.extremes import round_ticks
@@ -204,8 +202,7 @@ def test_pictures_show_where_a_ball_slips() -> None:
     """A band under the path and a shade behind the times, named in the legend; M is constant."""
     agreement = compare(regular(0.3), rb.sample_times(3.0), settings="fast")
     assert isinstance(agreement.theory, rb.ReferenceMotion)
-    sheet = sheet_of([agreement])
-    pictures = path_picture(sheet), momentum_picture(sheet)
+    pictures = path_picture([agreement]), momentum_picture([agreement])
     for picture in pictures:
         (shade,) = picture.axes[-1].collections
         ends = [path.get_extents().intervalx for path in shade.get_paths()]
@@ -233,10 +230,9 @@ def test_pictures_show_what_their_axes_say(name: str) -> None:
     No picture warns about circles, M = 0 as in fig06, or equal limits.
     """
     agreement = compare(name, rb.sample_times(0.5), settings="fast")
-    sheet = sheet_of([agreement])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        pictures = path_picture(sheet), momentum_picture(sheet)
+        pictures = path_picture([agreement]), momentum_picture([agreement])
         for picture in pictures:
             picture.draw_without_rendering()
     (paths, distance), (errors,) = (picture.axes for picture in pictures)
@@ -252,18 +248,14 @@ def test_pictures_show_what_their_axes_say(name: str) -> None:
 def test_a_straight_paths_errors_end_at_rounding_and_its_panel_is_flat() -> None:
     """Errors of 1e-33 are drawn at 1e-17 of the path, and the axis says so; one in six is flat."""
     agreement = compare("fig12", TIMES, settings="fast")
-    sheet = sheet_of([agreement])
     times = agreement.motion.times
-    ahead = np.column_stack([times, 0 * times])
-    tiny = [(times[1:], np.full(len(times) - 1, 1e-33)) for _ in range(2)]
-    own, run = (replace(line, contact_point=ahead) for line in sheet.lines)
-    agreement = Agreement(
+    ahead, aside = (np.column_stack([times, np.full(len(times), y)]) for y in (0.0, 1e-33))
+    straight = Agreement(
         replace(agreement.theory, contact_point=ahead),
-        replace(agreement.motion, contact_point=ahead),
+        replace(agreement.motion, contact_point=aside),
     )
-    lines = [own, replace(run, errors=tiny)]
-    paths, errors = path_picture(replace(sheet, lines=lines, frame=framed([agreement]))).axes
-    floor = 1e-17 * sheet.path_scale
+    paths, errors = path_picture([straight]).axes
+    floor = 1e-17 * straight.theory.path_scale
     assert errors.get_ylim()[0] > floor / 100  # measured 0.1: a decade around a constant
     assert unnamed(f"time~[s] {floor:.0e}", errors.get_xlabel()) == []
     box = paths.get_position()
@@ -287,7 +279,7 @@ def test_runs_are_distinguished_without_colour_and_a_cross_marks_an_early_end() 
         agreements[0].theory, rb.simulate(rb.load_scene("fig12"), TIMES, settings=mine)
     )
     for agreement, crosses in ((agreements[1], 0), (broken, 1)):
-        lines = path_picture(sheet_of([agreement])).axes[0].get_lines()
+        lines = path_picture([agreement]).axes[0].get_lines()
         ends = [line for line in lines if line.get_marker() == "X" and np.size(line.get_xdata())]
         assert len(ends) == crosses
 
@@ -333,10 +325,9 @@ def test_a_long_title_stays_within_its_picture(length: int) -> None:
 
     Dollars are text.
     """
-    title = ("$5 a robot of $6 rolls " * 20)[:length]
-    figure = path_picture(
-        replace(sheet_of([compare("fig12", TIMES, settings="fast")]), title=title)
-    )
+    scene = rb.load_scene("fig12")
+    title = ("$5 a robot of $6 rolls " * 20)[: length - len("fig12: ")]
+    figure = path_picture([compare(replace(scene, title=title), TIMES, settings="fast")])
     figure.draw_without_rendering()
     (drawn,), (names,) = figure.texts, figure.legends
     box, below = drawn.get_window_extent(), names.get_window_extent()

@@ -1,7 +1,4 @@
-"""The commands `compare`, `demo` and `report`.
-
-Imports stand within the functions: drawing begins in other processes before the slow ones.
-"""
+"""The commands `compare`, `demo` and `report`."""
 
 import shlex
 import sys
@@ -49,11 +46,6 @@ def compare(
     """
     if starts is not None:
         return _many(scenes, run, starts, device, seed, json, csv)
-    from ..plots import prepare_drawing
-
-    if plots:  # before the imports that take longest
-        prepare_drawing(len(scenes))
-
     from rich.console import Console
 
     from robotball import InputError, catalog

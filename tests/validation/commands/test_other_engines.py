@@ -15,7 +15,7 @@ from tests.conftest import Robotball
 from tests.messages import unnamed
 from tests.off_engine import ERROR, OFF
 from validation import compare
-from validation.plots import momentum_picture, path_picture, sheet_of
+from validation.plots import momentum_picture, path_picture
 
 FIG12 = rb.load_scene("fig12")
 OFF_LABEL = "Off, as it comes"  # with default settings
@@ -42,7 +42,7 @@ def test_an_engine_is_compared_with_the_equations() -> None:
         (path_picture, ["equations", OFF_LABEL, "start"]),
         (momentum_picture, [OFF_LABEL]),
     ):
-        axes = draw(sheet_of([agreement])).axes[0]
+        axes = draw([agreement]).axes[0]
         assert axes.get_legend_handles_labels()[1] == names
         colours = {line.get_color() for line in axes.get_lines()}
         assert colours & {OFF.label.colour, MUJOCO.label.colour} == {OFF.label.colour}

@@ -1,13 +1,11 @@
 """Draw balls, paths, arrows and shadows on a floor with MuJoCo's renderer.
 
-A stage is a MuJoCo model of the floor and of balls, whose bodies are mocap bodies. Four things are
+A stage is a MuJoCo model of the floor and of balls, whose bodies are mocap bodies. Three things are
 added to MuJoCo's scene for each picture:
 
 * A soft shadow. The ball is drawn in white from the sun's direction; that picture, blurred, becomes
   the opacity of a black plane on the floor. MuJoCo's shadow maps take as long again as the picture
   itself, and glass would throw an opaque shadow.
-* The rim of the glass, which reflects more at a grazing angle (Schlick's approximation of Fresnel's
-  law): a picture of it faces the camera in the plane of the shell's outline.
 * The path: a strip whose corners after the present time coincide with the present ones.
 * Arrows.
 
@@ -51,12 +49,11 @@ _ADDED = 100  # capacity for geoms that a picture adds
 _SAMPLES = 4  # per pixel
 _NEAREST, _FAR = 0.015, 40.0  # clipping distances, over the camera's distance
 _SKY = (0.95, 0.96, 0.97)
-_TEXELS = 128  # along each side of the textures of shadow and rim
+_TEXELS = 128  # along each side of a shadow's texture
 _REACH = 1.25  # half of the shadow's side, including the blur
 SUN = np.array([-0.3, 0.4, -1.0])  # the direction of its light, as in mjcf/floor.xml
 _PENUMBRA = 1.5  # texels, standard deviation of the blur
 _SHADE = 0.34  # darkness of an opaque shadow; it scales with √opacity, so that glass has one, too
-_RIM = 0.6  # reflectance of the glass at grazing incidence
 _OPAQUE = 0.99  # below 0.995, the limit under which MuJoCo blends a geom with its texture's opacity
 
 
@@ -148,7 +145,7 @@ class Stage:
         backend: str,
         slips: NDArray[np.bool_] | None = None,
     ) -> None:
-        self._size, self._bodies, self._colours = size, list(looks), colours
+        self._size, self._bodies = size, list(looks)
         self._paths, self._step = [*paths], -(-len(paths[0]) // POINTS)
         self._strips = [_TRAIL * _strip(path[:: self._step]) for path in paths]
         self._strips[-1] *= 2  # to be visible below the others
@@ -160,8 +157,7 @@ class Stage:
         spec = build_stage(looks, colours)
         for i, strip in enumerate(self._strips):
             _add_strip(spec, f"path{i}", len(strip))
-            _add_texture(spec, f"shadow{i}", np.zeros((_TEXELS, _TEXELS)), 0)
-        _add_texture(spec, "rim", _rim(), 255)
+            _add_shadow_texture(spec, f"shadow{i}")
         self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         visual, height, width = model.vis, *size
@@ -233,7 +229,6 @@ class Stage:
         for i, opacity in enumerate(opacities):
             if opacity > 0:
                 self._add_shadow(i, opacity, camera)
-                self._add_rim(i, opacity, camera)
         for begin, end, colour in arrows:
             geom = self._add(mujoco.mjtGeom.mjGEOM_ARROW, colour, 1.0)
             # mjv_connector draws an arrow of half the length.
@@ -326,16 +321,6 @@ class Stage:
         shadow.mat[:2, :2] = np.linalg.inv(_facing(-SUN)[:2, :2])
         shadow.size, shadow.specular = np.array([_REACH, _REACH, 1.0]), 0.0
 
-    def _add_rim(self, i: int, opacity: float, camera: Camera) -> None:
-        rim = self._add(mujoco.mjtGeom.mjGEOM_PLANE, self._colours[i], _OPAQUE * opacity, "rim")
-        to_eye = camera.eye - self._centres[i]
-        distance = float(np.linalg.norm(to_eye))
-        # The outline of a sphere is a smaller circle, nearer to the eye than the centre.
-        rim.pos = self._centres[i] + to_eye / distance**2
-        rim.mat = _facing(to_eye).T
-        outline = np.sqrt(1 - 1 / distance**2)
-        rim.size = np.array([outline, outline, 1.0])
-
     def _add_path(self, i: int, last: int, opacity: float, scale: float) -> None:
         """Add a path up to its point `last`; its width and height are multiplied by `scale`."""
         model, below = self._model, len(self._paths) - 1 - i
@@ -366,21 +351,12 @@ def _facing(back: Array) -> Array:
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
 
-def _rim() -> Array:
-    at = np.linspace(-1.0, 1.0, _TEXELS)
-    out = np.hypot(at, at[:, None])
-    cosine = np.sqrt(np.maximum(1 - out**2, 0.0))
-    return _once(_RIM * (1 - cosine) ** 3) * np.clip((1 - out) * _TEXELS / 2, 0.0, 1.0)
-
-
-def _add_texture(spec: mujoco.MjSpec, name: str, opacity: Array, grey: int) -> None:
-    """Add a material with a grey texture of opacity (n, n), from 0 to 1."""
-    texels = np.full((*opacity.shape, 4), grey, np.uint8)
-    texels[:, :, 3] = np.round(255 * opacity)
+def _add_shadow_texture(spec: mujoco.MjSpec, name: str) -> None:
+    """Add a material with a transparent black texture, whose opacity is set for each picture."""
     texture = spec.add_texture(
         name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=_TEXELS, height=_TEXELS, nchannel=4
     )
-    texture.data = texels.tobytes()
+    texture.data = bytes(4 * _TEXELS**2)
     spec.add_material(name=name).textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 

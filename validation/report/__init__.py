@@ -12,7 +12,6 @@ from ..output import together
 from .chart import Line, chart, legend
 
 _HERE = Path(__file__).parent
-_ROWS = 21  # rows of the table of a plot
 VERDICTS = ("verdict bad", "verdict good")  # CSS classes of paragraphs
 _HINT = "Point at the plot, or use the arrow keys, for values."
 _NUMBER = set("0123456789.e+- ")
@@ -80,7 +79,7 @@ def plain(values: Mapping[str, Any]) -> str:
 def plot(
     caption: str, lines: Sequence[Line], x_label: str, y_label: str, note: str = "", **options: Any
 ) -> str:
-    """Return a plot with a legend, the values under the pointer, and a table of values.
+    """Return a plot with a legend and the values under the pointer.
 
     `options` are options of `chart`.
     """
@@ -89,24 +88,8 @@ def plot(
     remark = paragraph(note, "faint") if note else ""
     return (
         f"<figure><figcaption>{text(caption)}</figcaption><div>{keys}</div>{drawn}"
-        f'<div class="readout" aria-live="polite">{_HINT}</div>{remark}'
-        f"{folded('Values', _values(lines, x_label, y_label))}</figure>"
+        f'<div class="readout" aria-live="polite">{_HINT}</div>{remark}</figure>'
     )
-
-
-def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
-    """Return a table with some values of each line."""
-    first, path = lines[0], lines[0].times is not None
-    columns = [(x_label, first.x, ".4g") if first.times is None else ("t [s]", first.times, ".4g")]
-    for line in lines:
-        axes = ((x_label, line.x), (y_label, line.y))
-        columns += [(f"{name}, {line.look.label}", x, ".5g") for name, x in axes[not path :]]
-    places = sorted({round(i * (len(first.x) - 1) / (_ROWS - 1)) for i in range(_ROWS)})
-    rows = [
-        [f"{values[i]:{form}}" if i < len(values) else "-" for _, values, form in columns]
-        for i in places
-    ]
-    return table([name for name, _, _ in columns], rows)
 
 
 def embedded(data: bytes, kind: str) -> str:

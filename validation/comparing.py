@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from robotball import InputError, Motion, Request, Scene, integrate
 from robotball.errors import percent
@@ -15,9 +15,6 @@ from .agreement import Agreement, compare_with
 from .output import Show, progress_bar
 from .plots import draw
 from .results import Record, record
-
-if TYPE_CHECKING:
-    from robotball.view.render import Film
 
 _MANY = 4  # scenes from which on they are compared in several processes
 
@@ -51,8 +48,6 @@ class Comparing:
         Each returns a request; called in the process that runs it.
     times : (n,), s, or None
         The sample times.
-    strict : bool
-        As in `simulate`.
     out : Path
         The folder for pictures.
     plots : bool
@@ -61,14 +56,13 @@ class Comparing:
 
     requests: Sequence[Callable[[], Request]]
     times: Array | None
-    strict: bool
     out: Path
     plots: bool
 
     def __call__(self, scene: Scene, show: Show = lambda *_: None) -> "_Compared":
         requests = [make() for make in self.requests]
         try:
-            agreements = agreements_of(scene, requests, self.times, strict=self.strict, show=show)
+            agreements = agreements_of(scene, requests, self.times, show)
         except InputError as error:
             # The results of the other scenes must not be lost.
             return _Compared([], refused=str(error))
@@ -89,13 +83,11 @@ def agreements_of(
     scene: Scene,
     requests: Sequence[Request],
     times: Array | None = None,
-    *,
-    strict: bool = False,
     show: Show = lambda *_: None,
 ) -> list[Agreement]:
     """Run a scene with every request, and integrate the equations once.
 
-    `strict` is as in `simulate`; `show` is called with the number of requests done.
+    `show` is called with the number of requests done.
     """
     show(0, f"{scene.name}: equations")
     theory = integrate(
@@ -106,15 +98,15 @@ def agreements_of(
         def progress(part: float) -> None:
             show(done + part, f"{scene.name}: {request.name}")
 
-        return compare_with(theory, replace(request, strict=strict, progress=progress))
+        return compare_with(theory, replace(request, progress=progress))
 
     return [agreement(i, request) for i, request in enumerate(requests)]
 
 
-def film(path: Path, motions: Sequence[Motion], how: "Film | None" = None) -> None:
-    """Film motions of a scene at `path`, by default as `Film()` says; the last is the equations'.
+def film(path: Path, motions: Sequence[Motion], **options: Any) -> None:
+    """Film motions of a scene at `path`; the last is the equations'.
 
-    Raises InputError as `robotball.film` does.
+    `options` are those of `robotball.film`. Raises InputError as `robotball.film` does.
     """
     from robotball.view import render  # an encoder and a GL, which only a film needs
 
@@ -122,7 +114,6 @@ def film(path: Path, motions: Sequence[Motion], how: "Film | None" = None) -> No
         path.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(1) as show:
         words = f"{motions[-1].scene.name}: video"
-        options = vars(how) if how else {}
         render.film(path, motions, progress=lambda part: show(part, words), **options)
 
 

@@ -62,20 +62,6 @@ _Growth = Callable[[float], float]
 Margins = Mapping[str, list[Margin]]  # of closed loops, by the names of their scenes
 
 
-@dataclass(frozen=True)
-class _Scaled:
-    """A controller's function with all commands times a factor, and a bound of rates [rad/s]."""
-
-    function: Callable[[Reading], Mapping[str, float]]
-    factor: float
-    bound: float
-
-    def __call__(self, reading: Reading) -> dict[str, float]:
-        if max(map(abs, [*reading.gyro, *reading.rates.values()])) > self.bound:
-            raise InputError("the rates are not bounded")  # steps would become ever shorter
-        return {name: self.factor * value for name, value in self.function(reading).items()}
-
-
 def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
     """Return the margins of gain and delay of a closed loop, by bisection with the equations.
 
@@ -87,7 +73,12 @@ def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
     bound = _BOUND * max(fastest, math.sqrt(scene.gravity / scene.ball.radius))
 
     def growth(factor: float, late: float) -> float:
-        function = _Scaled(controller.function, factor, bound)
+        def function(reading: Reading) -> dict[str, float]:
+            if max(map(abs, [*reading.gyro, *reading.rates.values()])) > bound:
+                raise InputError("the rates are not bounded")  # steps would become ever shorter
+            commands = controller.function(reading)
+            return {name: factor * value for name, value in commands.items()}
+
         loop = replace(controller, function=function, delay=controller.delay + late)
         try:
             motion = integrate(scene.with_controller(loop), times, rtol=_RTOL)

@@ -181,6 +181,7 @@ class Run:
         from robotball.engines.engine import request_of
 
         request = request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
+        request = replace(request, strict=self.strict)
         if self.environments is None:
             return request
         # Most commands need no adapter, so import it late.
@@ -201,12 +202,11 @@ class Run:
 
         writable_folder(self.out)
         requests = [self.request(name) for name in self.presets]
-        times, strict = times_of(self.duration), self.strict
+        times = times_of(self.duration)
         found: list[Agreement] = []
         with progress_bar(len(scenes) * len(requests)) as show:
             for scene in scenes:
-                part = shifted(show, len(found))
-                found += agreements_of(scene, requests, times, strict=strict, show=part)
+                found += agreements_of(scene, requests, times, shifted(show, len(found)))
         return found
 
 

@@ -124,7 +124,9 @@ def test_the_docs_have_the_demos_table(
 
     The prediction for naive comes after the table, and the last line has the result.
     """
-    monkeypatch.setattr("validation.comparing.film", lambda path, *_: path.write_bytes(b"film"))
+    monkeypatch.setattr(
+        "validation.comparing.film", lambda path, *_, **how: path.write_bytes(b"film")
+    )
     status, said, warned = robotball("demo", "--out", "demo")
     assert (status, "warning" in warned) == (0, False)
     assert said.index("Predicted before the runs:") > said.index("exact")

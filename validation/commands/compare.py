@@ -68,7 +68,7 @@ def compare(
             raise InputError(f"{name!r} is a preset and no scene: write --preset {several}")
     loaded = scenes_of(scenes, run.scene)
     out = writable_folder(run.out)
-    comparing = Comparing(requests, options.times_of(run.duration), run.strict, out, plots)
+    comparing = Comparing(requests, options.times_of(run.duration), out, plots)
     found = compare_all(list(loaded.values()), comparing)
     records = [record for comparison in found for record in comparison.records]
     refused = [
@@ -150,7 +150,6 @@ def demo(*, out: options.Out = options.OUT) -> int:
     from rich.markup import escape
 
     from robotball import PRESETS, InputError, load_scene
-    from robotball.view.render import Film
     from robotball.view.tracks import label_of
 
     from .. import results
@@ -179,8 +178,8 @@ def demo(*, out: options.Out = options.OUT) -> int:
     path = out / f"{results.file_stem(filmed)}.mp4"
     console.print(f"{page} can be opened now; a film is added to it, which takes a minute.")
     try:
-        how = Film(size=_FILM, fps=24, ghost=True, note=note_of(filmed))
-        film(path, motions_of(filmed, "video"), how)
+        motions = motions_of(filmed, "video")
+        film(path, motions, size=_FILM, fps=24, ghost=True, note=note_of(filmed))
         write_text(page, report(shown, command, path))
     # A film needs a GL and an encoder, without which the rest of the demo is as good.
     except InputError as error:
@@ -236,11 +235,8 @@ def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = Fal
     with tempfile.TemporaryDirectory() as folder:
         movie = Path(folder) / "film.mp4" if film else None
         if movie:
-            # Its import prepares off-screen drawing.
-            from robotball.view.render import Film
-
-            how = Film(size=_FILM, ghost=len(first) > 1, note=note_of(first))
-            write_film(movie, motions_of(first, "video"), how)
+            motions, ghost = motions_of(first, "video"), len(first) > 1
+            write_film(movie, motions, size=_FILM, ghost=ghost, note=note_of(first))
         write_text(path, page_of(agreements, command, movie, margins))
     show(list(map(record, agreements)), Console())
     for name, found in margins.items():

@@ -66,7 +66,7 @@ def video(
         how = replace(how, note=note_of(agreements))
         agrees = all(agreement.agrees for agreement in agreements)
     path = run.out / f"{file_name(stem, None, words)}.{format}"
-    film(path, motions, how)
+    film(path, motions, **vars(how))
     print(path)
     return options.AGREES if agrees else options.DISAGREES
 

@@ -69,7 +69,7 @@ _SYMBOLS = "γ: the vertical seen from the frame; M: momentum"
 NAIVE = "naive: default settings, servos of gain 1"
 OWN_FILE = (
     "Here the contact has robotball's settings. `robotball check {0}` runs the file with its own "
-    "settings, and `robotball video {0} --as-is` films that."
+    "settings, and shows that on a page."
 )
 Record = dict[str, Any]
 

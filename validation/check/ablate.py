@@ -15,7 +15,7 @@ import numpy as np
 from robotball import InputError
 from robotball.engines.mujoco.user_model import ALOFT_HEIGHT, Obstacle, UserModel, observed
 from robotball.errors import mujoco_silent
-from robotball.motion import Motion, arrays_of, measured_time, with_arrays
+from robotball.motion import Motion, measured_time
 from robotball.robot.formulas import Rolling
 from robotball.rotations import Array
 from robotball.user_model.mended_file import Change, Editable
@@ -301,19 +301,11 @@ def _fewest(trials: _Trials, changes: Sequence[Change], limit: float) -> list[tu
 def motions_of(checked: Checked) -> list[Motion]:
     """Return the motions of the file, of the mended file if it is changed, and of the reference.
 
-    They are at the same times, as long as each lasts.
+    A run that diverged at once has no motion.
     """
-    seen, theory = checked.observation, checked.observation.theory
-    motions, sampled = [seen.motion], []
+    seen, motions = checked.observation, [checked.observation.motion]
     if checked.needed:
         mended, error = seen.user.with_text(checked.text), checked.mended_error
         every = round(seen.interval / mended.robot.model.opt.timestep)
         motions.append(observed(mended, seen.motion.scene, error, every, name="mended")[0])
-    for run in motions:
-        # A time of the model is a sum of steps.
-        times = theory.times[theory.times < run.times[-1] + run.report.timestep / 2]
-        if len(times) > 1:  # else it diverged at once
-            rows = np.abs(run.times - times[:, None]).argmin(axis=1)
-            arrays = {place: array[rows] for place, array in arrays_of(run)}
-            sampled.append(with_arrays(run, arrays | {("times",): times}))
-    return [*sampled, theory]
+    return [*(run for run in motions if len(run.times) > 1), seen.theory]

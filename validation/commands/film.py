@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -21,7 +20,6 @@ def video(
     camera: Literal["follow", "above", "whole"] = "follow",
     ghost: bool = False,
     format: Literal["mp4", "webm", "gif"] = "mp4",
-    as_is: bool = False,
     threads: options.Threads = None,
 ) -> int:
     """Film a scene: the engine's ball with one or more presets, and the equations' ball.
@@ -42,8 +40,6 @@ def video(
         Draw one picture with the equations' ball as a ghost, instead of one picture for each ball.
     format
         Format of the file.
-    as_is
-        Film a robot's own file unmodified, beside the file that 'robotball check' mends.
     """
     from robotball.view.render import Film
 
@@ -51,24 +47,14 @@ def video(
     from ..results import changed, file_name, file_stem
 
     how = Film(fps, _size(resolution), slow, camera, ghost)
-    words = changed(
-        video, fps=fps, resolution=resolution, slow=slow, camera=camera, ghost=ghost, as_is=as_is
-    )
-    if as_is:
-        from ..check.ablate import motions_of as motions_of_check
-        from .robots import checked_robot
-
-        checked, _ = checked_robot(Path(scene), control=run.control, duration=run.duration)
-        stem, motions, agrees = Path(scene).stem, motions_of_check(checked), checked.agrees
-    else:
-        agreements = run.agreements([run.scene(scene)])
-        stem, motions = file_stem(agreements), motions_of(agreements, "video")
-        how = replace(how, note=note_of(agreements))
-        agrees = all(agreement.agrees for agreement in agreements)
-    path = run.out / f"{file_name(stem, None, words)}.{format}"
-    film(path, motions, **vars(how))
+    words = changed(video, fps=fps, resolution=resolution, slow=slow, camera=camera, ghost=ghost)
+    agreements = run.agreements([run.scene(scene)])
+    path = run.out / f"{file_name(file_stem(agreements), None, words)}.{format}"
+    how = replace(how, note=note_of(agreements))
+    film(path, motions_of(agreements, "video"), **vars(how))
     print(path)
-    return options.AGREES if agrees else options.DISAGREES
+    agree = all(agreement.agrees for agreement in agreements)
+    return options.AGREES if agree else options.DISAGREES
 
 
 def view(scene: options.SceneName, /, *, run: options.RunOptions = options.RUN) -> int:

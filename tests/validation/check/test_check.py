@@ -487,7 +487,7 @@ def test_a_newcomers_model_is_explained_and_mended(robotball: Robotball) -> None
 
 
 def test_the_original_file_is_shown_beside_the_mended_one(tmp_path: Path) -> None:
-    """At equal times. Hinge angles of the mended file agree to 3e-7 rad (measured).
+    """Hinge angles of the mended file agree to 3e-7 rad (measured).
 
     In the original file they are 0.3 rad off after one second.
     """
@@ -500,10 +500,13 @@ def test_the_original_file_is_shown_beside_the_mended_one(tmp_path: Path) -> Non
         "MuJoCo, unmodified",
         "MuJoCo, mended",
     ]
-    off = [np.abs(each.hinge_angles - theory.hinge_angles).max() for each in (as_it_is, mended)]
+    off = []
+    for run in (as_it_is, mended):
+        every = len(run.times) // (len(theory.times) - 1)  # the reference has fewer samples
+        assert run.times[::every] == pytest.approx(theory.times, abs=1e-12)
+        off.append(np.abs(run.hinge_angles[::every] - theory.hinge_angles).max())
     assert off[0] > 0.05
     assert off[1] < 1e-5
-    assert np.array_equal(as_it_is.times, theory.times)
     assert view_fragment([as_it_is, mended, theory]).count("unmodified") == 1
 
 

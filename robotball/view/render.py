@@ -38,7 +38,6 @@ from robotball.view.tracks import (
 )
 
 _FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PAPER = "#FFFFFF"
 _LINES, _COLUMNS = 26, 25  # height and width of a picture, in heights of a line of text
 _HEADER, _FOOTER = 2.5, 7.4  # heights, in lines
@@ -118,7 +117,7 @@ class _Sheet:
         box = (left / width, 1 - low / height, (right - left) / width, (low - high) / height)
         axes = figure.add_axes(box, xlim=(0, end), yscale="log", ylim=ends, frame_on=False)
         axes.set_xticks((0, end), ("0 s", f"{end:g} s"))
-        axes.set_yticks(ticks, [*map(_metres, ticks)])
+        axes.set_yticks(ticks, [f"{tick:g} m" for tick in ticks.tolist()])
         axes.minorticks_off()
         axes.tick_params(length=0, pad=0.4 * points, labelsize=_PLAIN * points)
         axes.grid(axis="y", color=palette.FAINT)
@@ -187,15 +186,6 @@ def _write(
 
 def _cover(one: Array, other: Array) -> bool:
     return bool(np.all(one[:2] < other[2:]) and np.all(other[:2] < one[2:]))
-
-
-def _metres(length: float) -> str:
-    """Format a length [m]: 0.123 m, 4.2 × 10⁻¹² m, 10⁻⁹ m."""
-    if length == 0 or length >= 1e-3:
-        return f"{length:.3g} m" if length < 1000 else f"{length:.0f} m"
-    digits, exponent = f"{length:.1e}".split("e")
-    power = f"10{str(int(exponent)).translate(_SUPERSCRIPTS)} m"
-    return power if digits == "1.0" else f"{digits} × {power}"
 
 
 @dataclass(frozen=True)
@@ -337,7 +327,7 @@ class _Painter:
                 slips = ", slipping" if self.slips[k * self.finer] else ""
                 off = slips + ("\nat the same place" if hidden else "")
             else:
-                off = f"\n{_metres(self.apart[i, k])} off"
+                off = f"\n{self.apart[i, k]:.2g} m off"
             below = exact and len(outlines) > 1
             away = (self.reach * radius + 1.1 * self.sheet.line) * (1 if below else -1)
             yield self.sheet.names[i] + off, self.sheet.colours[i], (x, y + away)

@@ -21,13 +21,13 @@ from typing import Any
 from PIL import Image
 
 from bench.random_runs import measure_detection
-from robotball import FaultKind, sample_times
+from robotball import PRESETS, FaultKind, sample_times
 from robotball.engines.mujoco.settings import FIRST_ORDER
 from robotball.files.replacing import replacing
 from robotball.view.render import Film, frames
 from validation.agreement import compare
 from validation.comparing import motions_of, note_of
-from validation.output import write_text
+from validation.output import scientific, write_text
 from validation.studies.engine_study import python_text
 from validation.studies.extremes import LAWS, Outcome
 
@@ -90,10 +90,24 @@ def _main(*only: str) -> None:
     if wanted("film"):
         _write_frame(_DOCS / "fig12.png")
     if wanted("demo"):
-        _run("demo", "--out", str(_OUT))
-        table = (_OUT / "demo.md").read_text(encoding="utf-8").strip()
-        _replace(_DOCS / "settings.md", _TABLE, table)
+        file, command = _OUT / "demo.json", "compare fig12 classical_regular --no-plots"
+        _run(command, "--preset", ",".join(PRESETS), "--json", str(file))
+        _replace(_DOCS / "settings.md", _TABLE, demo_table(_read(file)))
     write_text(_DOCS / "gallery.md", gallery_page())
+
+
+def demo_table(records: Iterable[Mapping[str, Any]]) -> str:
+    """Return the table of comparisons in docs/settings.md."""
+    lines = [
+        "| scene | preset | step | path error | γ error | momentum error | × real time | verdict |",
+        "|---|---|---:|---:|---:|---:|---:|---|",
+    ]
+    for row in records:
+        errors = (scientific(row[name]) for name in ("path_error", "gamma_error", "momentum_error"))
+        step, speed = f"{row['timestep'] * 1e3:.3g} ms", f"{row['realtime_factor']:.0f}"
+        cells = (row["scene"], row["preset"], step, *errors, speed, row["verdict"])
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def gallery_page() -> str:

@@ -280,19 +280,6 @@ def write_csv(path: Path, records: Sequence[Record]) -> None:
     write_rows(path, records, _TABLE_COLUMNS)
 
 
-def write_markdown(path: Path, records: Sequence[Record]) -> None:
-    """Write the table of agreements as Markdown."""
-    lines = [
-        "| scene | preset | step | path error | γ error | momentum error | × real time | verdict |",
-        "|---|---|---:|---:|---:|---:|---:|---|",
-    ]
-    for row in records:
-        step, *numbers = _row_numbers(row)
-        cells = (row["scene"], row["preset"], f"{step} ms", *numbers, row["verdict"])
-        lines.append(f"| {' | '.join(cells)} |")
-    write_text(path, "\n".join(lines) + "\n")
-
-
 def show(records: Sequence[Record], console: Console) -> None:
     """Print the table of agreements, and below it the verdicts of those that disagree."""
     # The table fits into 80 columns.

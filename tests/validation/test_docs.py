@@ -5,6 +5,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -12,9 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import robotball as rb
-from bench.gallery import NUMBERS, OUTCOMES, law_list, outcomes_table
+from bench.gallery import NUMBERS, OUTCOMES, demo_table, law_list, outcomes_table
 from robotball.dynamics.straight_motions import stability_limit
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import percent
@@ -26,7 +28,7 @@ from tests.random_balls import ball_of_points
 from tests.random_robots import random_scene as random_robot
 from tests.validation.examples import COMMANDS, example
 from tests.validation.json_keys import misfits
-from validation import compare
+from validation import compare, results
 from validation.cli import parse
 from validation.studies.cost import configurations
 from validation.studies.extreme_maps import MAPS, cells_of
@@ -127,6 +129,13 @@ def test_the_docs_have_the_demos_table(
     monkeypatch.setattr(
         "validation.comparing.film", lambda path, *_, **how: path.write_bytes(b"film")
     )
+    records, show = list[results.Record](), results.show
+
+    def kept(rows: Sequence[results.Record], console: Console) -> None:
+        records.extend(rows)
+        show(rows, console)
+
+    monkeypatch.setattr(results, "show", kept)
     status, said, warned = robotball("demo", "--out", "demo")
     assert (status, "warning" in warned) == (0, False)
     assert said.index("Predicted before the runs:") > said.index("exact")
@@ -140,7 +149,7 @@ def test_the_docs_have_the_demos_table(
     html = (tmp_path / "demo" / "demo.html").read_text(encoding="utf-8")
     assert (html.count("<video"), html.count('class="views"')) == (1, 2)
     assert {*re.findall("<option>(.*?)</option>", html)} == {"naive", "balanced"}
-    page = (tmp_path / "demo" / "demo.md").read_text(encoding="utf-8")
+    page = demo_table(records)
     row = r"^\| (\w+ \| \w+) \| (\S+) ms \| (\S+) \| (\S+) \| (\S+) \| \d+ \| (.*) \|$"
     shown, found = (re.findall(row, text, re.M) for text in (DOCS["settings.md"], page))
     assert len(shown) == 2 * len(rb.PRESETS)

@@ -170,7 +170,6 @@ def demo(*, out: options.Out = options.OUT) -> int:
         ["Predicted before the runs:", *(str(warning.message) for warning in said)]
     )
     console.print(predicted, markup=False, highlight=False)
-    results.write_markdown(out / "demo.md", records)
     scenes, presets = " ".join(_DEMO_SCENES), ",".join(_SHOWN)
     command = f"{program()} report {scenes} --preset {presets} --film"
     page, filmed = out / "demo.html", shown[: len(_SHOWN)]

@@ -15,7 +15,7 @@ from cyclopts import Parameter, Token
 from cyclopts.exceptions import CoercionError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from robotball import Request, Scene
     from robotball.rotations import Array
@@ -225,22 +225,25 @@ class Once:
     json: JsonFile = None
     csv: CsvFile = None
 
-    def times(self, scene: Scene) -> Array:
-        """Return the sample times (n,) [s]. Raises InputError if no picture can be written."""
+    def run(
+        self, study: Callable[[Scene, Array, bool], Study], name: str, controls: Sequence[str]
+    ) -> int:
+        """Run a study of a scene, write its picture and data, and print it; return the status.
+
+        study: takes the scene, the sample times (n,) [s], and whether it is the quick form. Raises
+        InputError before the first run if the folder cannot be written.
+        """
         from robotball import sample_times
 
         from .output import writable_folder
+        from .results import changed, controlled
 
+        scene = controlled(name, controls)
         times = sample_times(seconds_of(self.duration, self.quick, scene))
         writable_folder(self.out)
-        return times
-
-    def present(self, study: Study) -> int:
-        """Write a study's picture and the data asked for, and print it; return the status."""
-        from .results import changed
-
         words = changed(Once, duration=self.duration, quick=self.quick)
-        return present_once(study, self.out, self.json, words, self.csv)
+        made = study(scene, times, self.quick)
+        return present_once(made, self.out, self.json, words, self.csv)
 
 
 ONCE = Once()

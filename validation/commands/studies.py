@@ -16,11 +16,9 @@ def ablation(
 
     Example: robotball study ablation fig12 --quick
     """
-    from ..results import controlled
     from ..studies.ablation import ablation_study
 
-    loaded = controlled(scene, control)
-    return once.present(ablation_study(loaded, once.times(loaded), once.quick))
+    return once.run(ablation_study, scene, control)
 
 
 def convergence(
@@ -46,15 +44,11 @@ def convergence(
     """
     from robotball import preset as settings_of
 
-    from ..results import controlled
     from ..studies.ablation import without as undone
     from ..studies.convergence import convergence_study
 
-    loaded, settings = (
-        controlled(scene, control),
-        undone(settings_of(preset), without),
-    )
-    return once.present(convergence_study(loaded, settings, once.times(loaded), once.quick))
+    settings = undone(settings_of(preset), without)
+    return once.run(lambda loaded, *how: convergence_study(loaded, settings, *how), scene, control)
 
 
 def cones(
@@ -68,11 +62,9 @@ def cones(
 
     Example: robotball study cones classical_regular --quick
     """
-    from ..results import controlled
     from ..studies.cones import cones_study
 
-    loaded = controlled(scene, control)
-    return once.present(cones_study(loaded, once.times(loaded), once.quick))
+    return once.run(cones_study, scene, control)
 
 
 def cost(

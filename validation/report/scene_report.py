@@ -42,7 +42,7 @@ _UNITS = {**SENSORS, "attitude": "1", "command": "as its motor"}
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times if x is not the time
 _NONE: _Columns = (np.empty(0), np.empty(0), None)  # the reference in plots of errors
 _CONSTANT = 1e-9  # relative variation of a quantity that counts as constant
-_HIDDEN = 0.01  # fraction of a curve's range below which a difference is invisible
+_HIDDEN = 0.01  # of a quantity: runs that differ by less from a constant are printed
 
 
 def report(
@@ -207,7 +207,7 @@ def _errors(group: Sequence[Agreement]) -> str:
 def _loads(group: Sequence[Agreement]) -> str:
     """Return plots of the needed friction, and of torque, rate and power of each motor.
 
-    Constants are printed instead. If curves coincide, their difference is drawn.
+    Constants are printed instead.
     """
     motions = _motions(group)
     theory, slips = group[0].theory, slips_of(group[0].theory)
@@ -231,17 +231,13 @@ def _loads(group: Sequence[Agreement]) -> str:
         # Runs that broke off in their first step have no values.
         worst = max((float(error.max()) for error in errors if error.size), default=np.inf)
         label, suffix = (f"{quantity} [{unit}]", f" {unit}") if unit else (quantity, "")
+        differ = f"; the runs differ by at most {worst:.1g}{suffix}" if np.isfinite(worst) else ""
         if high - low <= _CONSTANT * most and worst <= _HIDDEN * most:
             constant = f"{caption}: {exact[0]:.4g}{suffix}, constant"
-            constants += paragraph(f"{constant}; the runs differ by at most {worst:.1g}{suffix}.")
-        elif worst <= _HIDDEN * (high - low):
-            lines = _lines(group, [_NONE, *zip(times[1:], errors, repeat(None))])
-            caption += f": from {low:.3g} to {high:.3g}{suffix}; errors of the runs"
-            difference = f"difference of {label}"
-            drawn += plot(caption, lines, "time [s]", difference, log=True, slips=slips)
+            constants += paragraph(f"{constant}{differ}.")
         else:
             lines = _lines(group, [*zip(times, values, repeat(None))])
-            caption += f": at most {most:.3g}{suffix}"
+            caption += f": at most {most:.3g}{suffix}{differ}"
             drawn += plot(caption, lines, "time [s]", label, reach=most, slips=slips)
     return f'{constants}<div class="charts">{drawn}</div>'
 

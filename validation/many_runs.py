@@ -326,11 +326,11 @@ def sweep(
 
 def _row(times: Array, engine: Engine, job: tuple[Any, Scene, EngineSettings]) -> dict[str, Any]:
     value, scene, settings = job
-    errors: dict[str, float] = dict.fromkeys(ERRORS, np.nan)
     try:
         found = compare(scene, times, settings=settings, engine=engine)
     except InputError as error:
-        return {"value": value, **errors, "agrees": False, "verdict": str(error), "seconds": 0.0}
+        row = {"value": value, "agrees": False, "verdict": str(error), "seconds": 0.0}
+        return row | dict.fromkeys(ERRORS, np.nan)
     errors = {name: getattr(found, name) for name in ERRORS}
     more = {"agrees": found.agrees, "verdict": found.verdict, "seconds": found.report.seconds}
     return {"value": value, **errors, **more}

@@ -148,7 +148,7 @@ def _lacks(scene: Scene, settings: _RapierSettings) -> str:
 
 
 RAPIER = adapter.Adapter(
-    label=Label("Rapier", adapter.version_of("rapier3d"), "#B22222", "P"),
+    label=Label("Rapier", adapter.version_of("rapier3d"), "#B22222", "H"),
     packages=("rapier3d",),
     extra="rapier",
     presets=adapter.by_name(_AS_IT_COMES, _BEST),

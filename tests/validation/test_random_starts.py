@@ -66,8 +66,8 @@ def test_random_starts_run_in_the_environments(
     """It works like `compare --environments` for a single run."""
     looked: list[Path] = []
     monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
-    look = lambda home, _: looked.append(home)
-    monkeypatch.setattr("robotball.engines.adapter.interpreter_of", look)
+    found = "robotball.engines.adapter.interpreter_of"
+    monkeypatch.setattr(found, lambda home, _: looked.append(home))
     words = "compare fig12 --starts 1 --engine dart --preset best --environments elsewhere"
     with pytest.raises(SystemExit):
         main(words.split())

@@ -1,12 +1,13 @@
-"""Draw balls, paths and shadows on a floor with MuJoCo's renderer.
+"""Draw balls, paths, arrows and shadows on a floor with MuJoCo's renderer.
 
-A stage is a MuJoCo model of the floor and of balls, whose bodies are mocap bodies. Two things are
+A stage is a MuJoCo model of the floor and of balls, whose bodies are mocap bodies. Three things are
 added to MuJoCo's scene for each picture:
 
 * A soft shadow. The ball is drawn in white from the sun's direction; that picture, blurred, becomes
   the opacity of a black plane on the floor. MuJoCo's shadow maps take as long again as the picture
   itself, and glass would throw an opaque shadow.
 * The path: a strip whose corners after the present time coincide with the present ones.
+* Arrows.
 
 Lengths are in radii of the ball.
 """
@@ -31,6 +32,7 @@ from robotball.view import gl
 from robotball.view.tracks import SLIPS
 
 Pixels = NDArray[np.uint8]
+Arrow = tuple[Array, Array, str]  # start (3,), end (3,) and colour
 Projection = tuple[float, float, float]  # x and y of a point in a picture, and the ball radius [px]
 _Stands = Mapping[str, tuple[Array, Array]]
 
@@ -41,6 +43,7 @@ _NEAR = 7.2  # distance for which the widths and lifts below are valid; they gro
 _TRAIL = 0.04  # half of a path's width
 _LIFT = 0.002  # height of the shadows, then of the paths, to separate them in the depth buffer
 _BEHIND = 0.003  # a ghost is drawn farther away, to prevent flicker with the ball's surfaces
+_THICK = 0.06  # half of an arrow's width
 POINTS = 20_000  # of a path; longer ones are thinned, because all are uploaded for each picture
 _ADDED = 100  # capacity for geoms that a picture adds
 _SAMPLES = 4  # per pixel
@@ -212,6 +215,7 @@ class Stage:
         opacities: Sequence[float],
         trails: Sequence[float],
         last: int,
+        arrows: Sequence[Arrow] = (),
     ) -> Pixels:
         """Return a picture (height, width, 3).
 
@@ -225,6 +229,10 @@ class Stage:
         for i, opacity in enumerate(opacities):
             if opacity > 0:
                 self._add_shadow(i, opacity, camera)
+        for begin, end, colour in arrows:
+            geom = self._add(mujoco.mjtGeom.mjGEOM_ARROW, colour, 1.0)
+            # mjv_connector draws an arrow of half the length.
+            mujoco.mjv_connector(geom, geom.type, _THICK, begin, 2 * end - begin)
         return self._render(self._drawing, self._size, fog=True)
 
     def close(self) -> None:

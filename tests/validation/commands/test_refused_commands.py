@@ -20,7 +20,7 @@ MISTYPED = {
         "check,judge,dynamics section,dynamics exponents,dynamics basins,dynamics equilibria,"
         "dynamics branches",
     ),
-    "--preset": ("--presett", "compare,report,fit,video,view,steer,study convergence"),
+    "--preset": ("--presett", "compare,report,video,view,steer,study convergence"),
     "--keep-going": ("--keepgoing", "compare"),
     "--no-plots": ("--no-plot", "compare"),
     "--out": (

@@ -297,7 +297,7 @@ def test_the_picture_shows_a_run_that_ends_before_the_first_sample(tmp_path: Pat
     labels = {str(line.get_label()): line for line in right.lines}
     assert "first bad state" in labels
     grey = [line for line in right.lines if line.get_marker() == "."]
-    assert np.nanmax(grey[0].get_ydata()) > 1e-3
+    assert np.nanmax(np.asarray(grey[0].get_ydata(), dtype=float)) > 1e-3
 
 
 STANDS = {"stands~still": "", "spins spot 9~rad": 'qvel="0 0 0 0 0 9 0"'}

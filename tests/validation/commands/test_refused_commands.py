@@ -17,7 +17,7 @@ AT_REST = "fig06 M 'robotball~dynamics~equilibria~fig06'"
 MISTYPED = {
     "--json": (
         "--jsn",
-        "check,judge,dynamics section,dynamics exponents,dynamics basins,dynamics equilibria,"
+        "check,fit,judge,dynamics section,dynamics exponents,dynamics basins,dynamics equilibria,"
         "dynamics branches",
     ),
     "--preset": ("--presett", "compare,report,video,view,steer,study convergence"),

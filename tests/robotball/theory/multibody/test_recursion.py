@@ -93,10 +93,10 @@ def apart(system: System, one: Sums, other: Sums) -> float:
 
 
 def check(system: System, state: Array) -> None:
-    """Compare with the sums, to 1e-13 or 30 times the change by a rounding of the state."""
+    """Compare with the sums, to 3e-13 or 30 times the change by a rounding of the state."""
     ours = recursive(system, state)
     rounded = recursive(system, np.nextafter(state, np.inf))
-    bound = max(1e-13, 30 * apart(system, ours, rounded))
+    bound = max(3e-13, 30 * apart(system, ours, rounded))
     assert apart(system, ours, differentiate(system, T, state)) < bound < 1e-10
 
 
@@ -120,7 +120,7 @@ def test_all_modes_have_the_derivative_of_their_sums(
 ) -> None:
     """Rolling, standing, beginning to roll, slip, and its begin; on a plane that moves and turns.
 
-    Measured up to 7e-14, for the acceleration of slip.
+    Measured up to 7e-14, for the acceleration of slip, and to 1.2e-13 with NumPy 2.5: rounding.
     """
     rng = np.random.default_rng(6)
     for framed in (True, False):

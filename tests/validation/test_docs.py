@@ -53,7 +53,7 @@ FIG_10 = stability_limit(rb.load_scene("fig10").parameters)
 SAID = {
     "README.md": [
         f"would take {TIMES} times the processor time of RK4",
-        f"Of {EXTREMES['wrong']} runs that were wrong or broken MuJoCo itself reports a third",
+        f"Of {EXTREMES['wrong']} runs that were wrong or broken MuJoCo itself reports 36 %",
         f"The paper has {MISPRINTS} misprints and omissions, {PROOFS} of them proved",
     ],
     "extremes.md": [

@@ -193,7 +193,9 @@ def _widened(
                 scale[i] = max(2 * _UNKNOWN / deviation, 1.0)
         if unknown.of_start or unknown.of_friction or deviation < _CURVED:
             continue
-        far = np.copysign(_FAR, unknown.value) * np.linalg.solve(slopes, covariance[i]) / deviation
+        far = (
+            np.copysign(_FAR, unknown.value) * np.linalg.lstsq(slopes, covariance[i])[0] / deviation
+        )
         while scale[i] * deviation < _UNKNOWN and (
             _refitted(x + scale[i] * far, hold, residuals) < squares + _RISE
         ):

@@ -54,7 +54,6 @@ def first_values(
     for sensor in log.sensors:
         first[sensor.name] = np.median(sensor.values[:FIRST], axis=0)
         least = _SMALLEST * float(np.abs(sensor.values).max())
-        estimate = max(noise_of(sensor), least)
         specified = noise.get(sensor.name)
         if specified is not None:
             check_positive(f"the noise of {sensor.name}", specified)
@@ -67,7 +66,7 @@ def first_values(
                 f"{log.name}: {sensor.name} {fault}, so its noise cannot be estimated; specify its "
                 "noise or remove its columns"
             )
-        sizes.append(estimate if specified is None else max(specified, least))
+        sizes.append(max(noise_of(sensor) if specified is None else specified, least))
     motors = [hinge.name for hinge in scene.hinges if hinge.motor is not None]
     begins = {
         kind: {n: float(first[f"{n}_{kind}"][0]) for n in motors if f"{n}_{kind}" in first}

@@ -137,13 +137,11 @@ def _found_record(
 
 
 def _lists(found: object, *names: str) -> dict[str, Any]:
-    """Return fields as plain data: arrays as lists, complex numbers as [real, imaginary]."""
+    """Return fields by name, with complex numbers as [real, imaginary]."""
     plain = {name: getattr(found, name) for name in names}
     for name, value in plain.items():
         if name in ("eigenvalues", "multipliers"):
             plain[name] = [[float(z.real), float(z.imag)] for z in value]
-        elif isinstance(value, np.ndarray):
-            plain[name] = value.tolist()
     return plain
 
 

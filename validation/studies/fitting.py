@@ -4,7 +4,6 @@ The result is printed, and written as a scene file, as a page with the residuals
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -152,10 +151,10 @@ def _record(scene: str, fitted: Fitted) -> dict[str, Any]:
         "scene": scene,
         **{name: getattr(fitted, name) for name in names},
         "degrees_of_freedom": fitted.degrees,
-        "numbers": [_plain(number) for number in fitted.found],
-        "of_logs": [_plain(number) for number in fitted.of_logs],
-        "correlations": fitted.correlations.tolist(),
-        **{name: list(getattr(fitted, name)) for name in texts},
+        "numbers": fitted.found,
+        "of_logs": fitted.of_logs,
+        "correlations": fitted.correlations,
+        **{name: getattr(fitted, name) for name in texts},
         "sensors": [
             {
                 "log": sensor.log,
@@ -167,10 +166,6 @@ def _record(scene: str, fitted: Fitted) -> dict[str, Any]:
             for sensor in (*fitted.sensors, *fitted.held_out)
         ],
     }
-
-
-def _plain(estimate: Estimate) -> dict[str, Any]:
-    return {name: known(v) if isinstance(v, float) else v for name, v in asdict(estimate).items()}
 
 
 def fit_logs(

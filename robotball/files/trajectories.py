@@ -20,7 +20,7 @@ from robotball.files.columns import RECORDS, Table, read_table, write_table
 from robotball.files.scene_writer import toml_of
 from robotball.robot.ball import Value, read_only
 from robotball.robot.scene import Scene
-from robotball.rotations import Array
+from robotball.rotations import Array, turned
 
 FORMAT = "robotball motion 1"  # header entry of a file with all arrays of a motion
 _ArrayPath = tuple[str, ...]  # names of nested fields of a motion
@@ -416,17 +416,16 @@ def _attitude_of_angles(columns: dict[str, Array], units: Mapping[str, str]) -> 
     angles = np.array([columns.pop(name) for name in there])
     if len(there) < len(_ANGLES) or "qw" in columns:
         return [f"{', '.join(there)}: not used, as an attitude needs all three"] if there else []
-    from scipy.spatial.transform import Rotation  # late: it takes a tenth of a second
-
     unit = "rad"
     if (
         not any(units[name] for name in _ANGLES)
         and np.abs(np.nan_to_num(angles[1])).max() > TAU / 4
     ):
         angles, unit = angles * DEGREES["deg"], "deg, as pitch exceeds π/2"
-    turns = Rotation.from_euler("ZYX", np.nan_to_num(angles)[::-1].T).as_quat()
-    turns[~np.isfinite(angles).all(axis=0)] = np.nan
-    columns.update(zip(("qx", "qy", "qz", "qw"), turns.T, strict=True))
+    turns = np.eye(4)[0]
+    for axis, angle in zip(np.eye(3)[::-1], angles[::-1], strict=True):
+        turns = turned(turns, angle[:, None] * axis)
+    columns.update(zip(("qw", "qx", "qy", "qz"), turns.T, strict=True))
     return [f"roll, pitch, yaw: read as rotations about X, Y and then Z, in {unit}"]
 
 

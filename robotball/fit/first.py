@@ -15,7 +15,7 @@ from robotball.fit.logs import Log, Sensor
 from robotball.fit.residuals import FIRST, FittedLog
 from robotball.fit.sensing import FEWEST, noise_of
 from robotball.robot.scene import Scene, Start
-from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.rotations import Array, multiply, rotation_matrix, turned
 
 _SMALLEST = 1e-7  # of a sensor's readings: least noise, above the errors of equations and engines
 _SMOOTH = 4.0  # mean squared residual over the noise up to which a track is a parabola
@@ -90,7 +90,7 @@ def first_values(
         if "world.yaw" in freed and "attitude" not in first:
             values["world.yaw"] = np.array([turn])
         elif "attitude" not in first:
-            attitude = multiply(_about_vertical(turn), attitude)
+            attitude = multiply(turned(np.eye(4)[0], np.array([0.0, 0.0, turn])), attitude)
     started = replace(started, start=Start(attitude, np.zeros(3), slip))
     started = replace(started, start=Start(attitude, started.momentum_of(omega), slip))
     if "position" in first and (speed := float(np.hypot(*track[1]))):
@@ -100,10 +100,6 @@ def first_values(
         values["friction.rolling"] = np.array([torque / (scene.ball.mass * scene.gravity)])
     estimated = tuple(sensor.name not in noise for sensor in log.sensors)
     return FittedLog(log, tuple(sizes), estimated, started, values)
-
-
-def _about_vertical(angle: float) -> Array:
-    return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
 
 
 def _first_motion(

@@ -29,7 +29,8 @@ _FAR, _RISE = 3.0, 4.0  # deviations, and the rise of χ² that is required with
 _UNLIMITED = 100.0  # of its size: increase of a friction, which then is not reached
 _AT_LIMIT = 1e-3  # of an unknown's size: distance that counts as being at a limit
 _MOVES = 0.01  # of an unknown's size: change by the next step that is reported
-_TRIED, _TRIALS, _ROUGHLY = 5, 30, 1e-2  # reasons that are fitted, trials, and their ftol
+# Reasons that are fitted, trials of each, and their ftol; with 1e-2 rounding decides what is found.
+_TRIED, _TRIALS, _GAIN = 5, 30, 1e-4
 _LARGEST = 100.0  # of a plausible amount: largest amount that is a reason
 _REMAINS = 0.1  # of χ² above its mean: largest part that a reason may leave
 _PROMISES = 0.5  # the same, of the linearised fit
@@ -318,7 +319,7 @@ def reason(residuals: Residuals, x: Array, J: Array, stray: SensorFit) -> str:
         with np.errstate(over="ignore", invalid="ignore"):
             begin = min(begins, key=lambda begin: chi2_of(wider(begin)))
             end = least_squares(
-                wider, begin, wider.jacobian, (low, np.inf), ftol=_ROUGHLY, max_nfev=_TRIALS
+                wider, begin, wider.jacobian, (low, np.inf), ftol=_GAIN, max_nfev=_TRIALS
             )
         if (after := 2 * float(end.cost)) - count < _REMAINS * (before - count):
             shown = ", ".join(f"{value:.2g}" for value in wider.values(end.x)[len(x) :].tolist())

@@ -753,13 +753,10 @@ REASONS: Mapping[str, tuple[Callable[[rb.Scene], rb.Log], str]] = {
 }
 
 
-@pytest.mark.study
+@pytest.mark.slow
 @pytest.mark.parametrize("case", REASONS)
 def test_the_most_probable_reason_of_a_wrong_model_is_named(case: str) -> None:
-    """With its amount and what to free; without it χ²/n is 1.04 to 11.
-
-    A study, because rounding decides now and then which of two reasons is found.
-    """
+    """With its amount and what to free; without it χ²/n is 1.04 to 11."""
     made, facts = REASONS[case]
     robot = rb.load_scene("pendulum_robot")
     result = rb.fit(robot, made(robot), ["kv"], noise=NOISE)
@@ -768,10 +765,12 @@ def test_the_most_probable_reason_of_a_wrong_model_is_named(case: str) -> None:
 
 
 @pytest.mark.slow
-def test_strange_positions_are_a_reason(tmp_path: Path) -> None:
+def test_a_missing_resistance_and_strange_positions_are_reasons(tmp_path: Path) -> None:
     """A fit that explains its log has none. Positions along a zigzag fit no ball."""
     scene, track = carom(tmp_path, {"rolling = 1e-3": "rolling = 0"})
     assert rb.fit(scene, track, ["friction.rolling"]).reason == ""
+    facts = "resistance friction.rolling --free χ²/n"
+    assert unnamed(facts, rb.fit(scene, track, ["shell.mass"]).reason) == []
     made = rb.read_log(track, scene)
     (position,) = made.sensors
     zigzag = position.values + 0.02 * np.sin(9 * position.times)[:, None]

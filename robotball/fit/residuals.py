@@ -419,7 +419,7 @@ class Residuals:
                 with suppress(InputError):  # impossible numbers
                     scene, scene_times, _ = self._inputs(k, others)
                     same = np.array_equal(scene_times, times)
-                    if same and scene.breakpoints == first.breakpoints:
+                    if same and _state_of(scene) == _state_of(first):
                         scenes[j] = scene
             try:
                 most = int(_MOST_ROUGH_STEPS * (1 + times[-1]))
@@ -487,6 +487,11 @@ class Residuals:
             rows = slice(ends[unknown.log], ends[unknown.log + 1])
             derivative[rows, i] = wider._by_differences(unknown.log, at, len(x) + i)
         return derivative
+
+
+def _state_of(scene: Scene) -> tuple[object, ...]:
+    """Return what must be alike in scenes whose motions are integrated together."""
+    return scene.breakpoints, scene.plane_is_still, scene.contact_moves
 
 
 def held(times: Array, values: Array) -> HeldCommand:

@@ -764,6 +764,13 @@ def test_the_most_probable_reason_of_a_wrong_model_is_named(case: str) -> None:
     assert unnamed(facts, result.reason) == []
 
 
+def test_the_motion_of_a_plane_that_keeps_still_may_be_fitted(tmp_path: Path) -> None:
+    """Its equations have one number more, so they are not integrated together with the others."""
+    scene, track = carom(tmp_path, {"rolling = 1e-3": "rolling = 1.9886e-4"})
+    (found,) = rb.fit(scene, track, ["plane.motion.x"]).found
+    assert abs(found.value) < 3 * found.deviation  # measured 0.3: the noise of the log
+
+
 @pytest.mark.slow
 def test_a_missing_resistance_and_strange_positions_are_reasons(tmp_path: Path) -> None:
     """A fit that explains its log has none. Positions along a zigzag fit no ball."""

@@ -252,10 +252,14 @@ def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) ->
 
 
 def add_materials(
-    assets: Element, looks: Looks, own: Mapping[str, str] | None = None, prefix: str = ""
+    assets: Element,
+    looks: Looks,
+    own: Mapping[str, str] | None = None,
+    prefix: str = "",
+    opacity: float = 1.0,
 ) -> None:
     """Add the materials of shapes; own: "r g b" of materials with another colour here."""
     for name, (red, green, blue, solid) in materials_of(looks).items():
         rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
-        look = {"rgba": f"{rgb} {solid:g}", "specular": "0.4", "shininess": "0.6"}
+        look = {"rgba": f"{rgb} {solid * opacity:g}", "specular": "0.4", "shininess": "0.6"}
         SubElement(assets, "material", {"name": f"{prefix}{name}", **look})

@@ -1,1 +1,1 @@
-"""Show motions: notebook cells, films, and web pages to orbit and play."""
+"""Show motions: notebook cells, films, MuJoCo's viewer, and web pages to orbit and play."""

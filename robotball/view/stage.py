@@ -57,8 +57,8 @@ _SHADE = 0.34  # darkness of an opaque shadow; it scales with √opacity, so tha
 _OPAQUE = 0.99  # below 0.995, the limit under which MuJoCo blends a geom with its texture's opacity
 
 
-def build_stage(looks: Looks, colours: Sequence[str]) -> mujoco.MjSpec:
-    """Return a model of the floor and one ball per colour; lengths in radii.
+def build_stage(looks: Looks, colours: Sequence[str], opacities: Sequence[float]) -> mujoco.MjSpec:
+    """Return a model of the floor and one ball per colour and opacity; lengths in radii.
 
     Mocap bodies are in the order of `looks`, first for the first ball, then for the next.
     Bodies and materials are prefixed with their ball: "ball0_shell", "ball1_rotor1".
@@ -67,9 +67,9 @@ def build_stage(looks: Looks, colours: Sequence[str]) -> mujoco.MjSpec:
     assets, world = root.find("asset"), root.find("worldbody")
     assert assets is not None
     assert world is not None
-    for number, colour in enumerate(colours):
+    for number, (colour, opacity) in enumerate(zip(colours, opacities, strict=True)):
         prefix, rgb = f"ball{number}_", " ".join(f"{part:g}" for part in palette.rgb(colour))
-        add_materials(assets, looks, dict.fromkeys(_OWN, rgb), prefix)
+        add_materials(assets, looks, dict.fromkeys(_OWN, rgb), prefix, opacity)
         for name, shapes in looks.items():
             body = SubElement(world, "body", name=f"{prefix}{name}", mocap="true")
             add_geoms(assets, body, shapes, prefix=prefix)
@@ -154,7 +154,7 @@ class Stage:
             self._paths.append(paths[-1])
             self._strips.append(2 * self._strips[-1] * np.repeat(slips[:: self._step], 2)[:, None])
             self._trails.append(SLIPS.colour)
-        spec = build_stage(looks, colours)
+        spec = build_stage(looks, colours, np.ones(len(colours)).tolist())
         for i, strip in enumerate(self._strips):
             _add_strip(spec, f"path{i}", len(strip))
             _add_shadow_texture(spec, f"shadow{i}")

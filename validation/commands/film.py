@@ -1,6 +1,7 @@
-"""The commands that show a scene's two balls: `video` in a film, `view` on a page."""
+"""The commands that show a scene's two balls: `video` in a file, `view` in a window or a page."""
 
 import re
+import sys
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -57,25 +58,41 @@ def video(
     return options.AGREES if agree else options.DISAGREES
 
 
-def view(scene: options.SceneName, /, *, run: options.RunOptions = options.RUN) -> int:
-    """Write a page for any browser: the engine's ball, with the equations' ball as a ghost.
+def view(
+    scene: options.SceneName, /, *, run: options.RunOptions = options.RUN, web: bool = False
+) -> int:
+    """Watch the engine's ball roll, with the equations' ball as a ghost, in a window or a page.
 
-    The page needs no network.
+    Example: robotball view fig12 --web
 
-    Example: robotball view fig12
+    Parameters
+    ----------
+    web
+        Write a page for any browser instead of opening a window. The page needs no network.
     """
+    from robotball.view.viewer import KEYS, check_display
+    from robotball.view.viewer import view as watch
     from robotball.view.web import view_page
 
     from ..comparing import motions_of
     from ..output import write_text
     from ..results import file_stem
 
+    if not web:
+        # Before the runs, which take longest: without a display nothing could be shown of them.
+        check_display()
     agreements = run.agreements([run.scene(scene)])
-    path = run.out / f"{file_stem(agreements)}-view.html"
-    write_text(path, view_page(motions_of(agreements, "view")))
-    print(path)
-    agree = all(agreement.agrees for agreement in agreements)
-    return options.AGREES if agree else options.DISAGREES
+    motions = motions_of(agreements, "view")
+    if web:
+        path = run.out / f"{file_stem(agreements)}-view.html"
+        write_text(path, view_page(motions))
+        print(path)
+    else:
+        print(KEYS, file=sys.stderr)
+        watch(motions)
+    return (
+        options.AGREES if all(agreement.agrees for agreement in agreements) else options.DISAGREES
+    )
 
 
 def _size(text: str) -> tuple[int, int]:

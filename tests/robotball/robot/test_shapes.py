@@ -80,7 +80,7 @@ def test_geoms_are_drawn_where_the_users_model_has_them(name: str) -> None:
     """
     joints, (motion, robot) = JOINTS[name][1], motion_of(name)
     scene = motion.scene
-    stage, track = build_stage(looks_of(scene.ball), ["#0072B2"]).compile(), track_of(motion)
+    stage, track = build_stage(looks_of(scene.ball), ["#0072B2"], [1.0]).compile(), track_of(motion)
     drawn, users_data = mujoco.MjData(stage), mujoco.MjData(robot.model)
     shown = [i for i in range(stage.ngeom) if "#" in stage.mat(stage.geom_matid[i]).name]
     users = [i for i in range(robot.model.ngeom) if i not in (robot.plane, robot.sphere)]

@@ -35,7 +35,7 @@ def test_bodies_on_the_stage_have_the_poses_of_the_motion(scene: rb.Scene) -> No
     motion = rb.integrate(scene, TIMES)
     track, looks, expected = track_of(motion), looks_of(scene.ball), poses(motion)
     stands = track.stands(track.at(TIMES[-1:]))
-    model = build_stage(looks, ["#0072B2", "#D55E00"]).compile()
+    model = build_stage(looks, ["#0072B2", "#D55E00"], [1.0, 0.35]).compile()
     data = mujoco.MjData(model)
     pose(model, data, looks, [stands] * 2)
     for name, body in scene.ball.named_bodies:
@@ -107,7 +107,7 @@ def test_a_point_is_projected_to_where_the_renderer_draws_it(size: tuple[int, in
 
 def test_the_sun_of_the_shadows_is_the_floors_light() -> None:
     """Its direction is read from mjcf/floor.xml."""
-    model = build_stage({}, []).compile()
+    model = build_stage({}, [], []).compile()
     assert model.light("sun").dir == pytest.approx(SUN / np.linalg.norm(SUN))
 
 

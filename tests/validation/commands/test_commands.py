@@ -55,7 +55,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
         {"runs/*/label": ["MuJoCo"], "runs/*/preset": ["naive"], "failed": []},
     ),
     "engines --only mujoco --json a.json": ("accurate", {"engines/0/engine": "mujoco"}),
-    "view fig12 --duration 0.1": ("out/fig12-mujoco-balanced-0.1s-view.html", {}),
+    "view fig12 --web --duration 0.1": ("out/fig12-mujoco-balanced-0.1s-view.html", {}),
     "dynamics section fig12 --count 40 --preset fast --json a.json": (
         "equations: 40 crossings, 20 with g growing, 20 falling MuJoCo: 40 crossings",
         {"equations/directions": [1, -1] * 20, "MuJoCo/directions": [1, -1] * 20},
@@ -356,8 +356,8 @@ def test_a_run_that_fails_in_its_first_step_has_a_report_and_no_film(
     assert robotball("report", *options)[0] == 1
     page = (tmp_path / "out" / "wild-mujoco-fast-0.1s-report.html").read_text()
     assert "0\u00a0s." in page
-    for kind in ("video", "view"):
-        status, _, err = robotball(kind, *options)
+    for kind, web in (("video", ()), ("view", ("--web",))):
+        status, _, err = robotball(kind, *options, *web)
         assert status == 2
         assert unnamed(f"wild {kind} 0~s cone", err.splitlines()[-1]) == []
 

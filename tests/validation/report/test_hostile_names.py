@@ -48,7 +48,7 @@ def robot(tmp_path: Path) -> Path:
 
 
 def test_the_page_of_a_view_has_hostile_names_as_text(robotball: Robotball, robot: Path) -> None:
-    status, _, complaint = robotball("view", robot, "--duration", "0.1")
+    status, _, complaint = robotball("view", "--web", robot, "--duration", "0.1")
     assert status == 0, complaint
     (page,) = Path("out").glob("*.html")
     assert MARKUP in bodies_in(page.read_text(encoding="utf-8"))[1]

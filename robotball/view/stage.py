@@ -27,7 +27,7 @@ from robotball.robot import looks as palette
 from robotball.robot.ball import PARTS
 from robotball.robot.looks import BLUR, MARKS, Looks, add_materials
 from robotball.robot.shapes import add_geoms
-from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.rotations import Array, from_matrix, rotation_matrix, turned
 from robotball.view import gl
 from robotball.view.tracks import SLIPS
 
@@ -197,7 +197,7 @@ class Stage:
         """
         model = self._model
         pose(model, self._data, self._bodies, stands)
-        floor = np.array([np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)])
+        floor = turned(np.eye(4)[0], np.array([0.0, 0.0, turn]))
         self._data.geom("floor").xmat = rotation_matrix(floor).ravel()
         self._centres = np.array([ball["shell"][1][0] for ball in stands])
         self._seen = self._opacity.copy()

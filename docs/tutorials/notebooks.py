@@ -33,7 +33,7 @@ FOLDER = Path(__file__).parent
 NOTEBOOKS = sorted(path.stem for path in FOLDER.glob("*.ipynb"))
 Json = dict[str, Any]
 _SHELL, _WRITE = "%%sh", "%%writefile "
-_LANGUAGES = {".xml": "xml", ".toml": "toml", ".py": "python"}
+_LANGUAGES = {".xml": "xml", ".toml": "toml", ".py": "python", ".yml": "yaml"}
 # Where commands run: colours and the width of lines would be those of whoever runs them, and pytest
 # cuts no line where a CI server is known by its variables.
 _PLACE = {"COLUMNS": "100", "NO_COLOR": "1", "PY_COLORS": "0"} | dict.fromkeys(
@@ -166,8 +166,8 @@ def page(name: str, book: Json) -> dict[str, bytes]:
                 parts.append(f"![{words.removeprefix('# ')}]({picture})")
             elif not source.startswith(_WRITE):
                 parts.append(_fenced("text", "".join(data["text/plain"])))
-    link = f"This page is a notebook, [{name}.ipynb]({name}.ipynb); "
-    parts.insert(1, f"{link}[how to run it](index.md#as-notebooks).")
+    link = f"This page is the notebook [{name}.ipynb]({name}.ipynb); "
+    parts.insert(1, f"{link}[how to run it](../install.md#notebooks).")
     parts.append(f"<!-- Written from {name}.ipynb by `make tutorials`. -->")
     files[f"{name}.md"] = ("\n\n".join(parts) + "\n").encode("utf-8")
     return files

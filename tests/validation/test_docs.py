@@ -32,6 +32,7 @@ from validation import compare, results
 from validation.cli import parse
 from validation.studies.cost import configurations
 from validation.studies.extreme_maps import MAPS, cells_of
+from validation.studies.extremes import LAWS
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
 DOCS = {
@@ -222,13 +223,26 @@ PRINTED = {
 
 def test_printed_commands_are_valid() -> None:
     """Names, options and values are known, also in the examples of `--help`."""
-    assert {"demo", "study convergence fig12", "report fig12", "export fig12 --out ball"} <= PRINTED
+    assert {"report fig12", "compare fig12 --preset fast,accurate", "scenes"} <= PRINTED
     examples = {example(name) for name in COMMANDS}
     assert all(example(name).startswith(name) for name in COMMANDS)
     for command in PRINTED | examples:
         assert parse(command.split())
     for name in COMMANDS:
         assert re.search(rf"\b{name}\b", DOCS["commands.md"]), name
+
+
+def test_every_warning_and_fault_has_a_law_and_a_remedy() -> None:
+    """Each phrase of the table is part of a message, which the catalogue of messages has."""
+    table = DOCS["commands.md"].split("| warning or fault |")[1].split("\n\n")[0]
+    rows = [row.split(" | ") for row in table.splitlines()[2:]]
+    phrases = [phrase for first, *_ in rows for phrase in first.removeprefix("| ").split("; ")]
+    messages = (PROJECT / "tests/golden/messages.txt").read_text(encoding="utf-8")
+    assert [phrase for phrase in phrases if phrase not in messages] == []
+    faults = [kind.value for kind in rb.FaultKind]
+    assert [text for text in faults if not any(phrase in text for phrase in phrases)] == []
+    named = re.findall(r"`(\w+)`", " ".join(laws for _, laws, _ in rows))
+    assert LAWS.keys() <= {*named}
 
 
 @pytest.mark.slow
@@ -286,9 +300,9 @@ def test_missing_and_extra_keys_of_docs_json_are_named() -> None:
 # The README -----------------------------------------------------------------------------------
 
 
-def test_the_readme_fits_one_screen_and_its_links_exist() -> None:
+def test_the_readme_fits_a_screen_and_a_half_and_its_links_exist() -> None:
     """It names the paper, two commands, and further pages."""
-    assert len(README.splitlines()) <= 60
+    assert len(README.splitlines()) <= 70
     assert "10.1134/S1560354719050071" in README
     assert {"make demo", "make test"} <= set(re.findall("make demo|make test", README))
     links = re.findall(r"\]\((?!https?:)([^)#]+)", README)
@@ -341,5 +355,7 @@ def test_the_readme_has_the_split_of_the_findings() -> None:
         f"MuJoCo is {rest} off the path with that friction, and {regular} off for a ball",
     ):
         assert words in PAGES["README.md"]
+    (balanced,) = re.findall(r"\| fig12 \| balanced \| 5 ms \| (\S+) \|", DOCS["settings.md"])
+    assert f"the path error is {float(balanced)} after 10 s" in PAGES["README.md"]
     assert f"(*naive*) is {off} off ideal rolling on fig12 after 2 s" in PAGES["findings.md"]
     assert f"changes the path by {alone}; MuJoCo is {rest} off the path" in PAGES["findings.md"]

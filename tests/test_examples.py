@@ -181,9 +181,14 @@ def test_a_tutorial_notices_another_motion(folder: Path) -> None:
     assert [i for i, texts in enumerate(by_cell) if texts] == [len(cells) - 1]
 
 
-def test_the_test_in_the_tutorial_is_the_example() -> None:
+def test_the_test_in_the_tutorial_is_the_example_and_its_workflow_runs_it() -> None:
     """Except for the robot's numbers and the sentence on how to run it."""
     book = "".join("".join(cell["source"]) for cell in code_cells(read("regression_test")))
+    (steps,) = re.findall(r"%%writefile rolling.yml\n(?:.*\n)+?    steps:\n((?: .*\n?)+)", book)
+    assert [step for step in steps.splitlines() if "- run:" in step] == [
+        "      - run: pip install pytest wheels/robotball-*.whl",
+        "      - run: pytest test_my_robot.py",
+    ]
     example = (EXAMPLES / "test_my_robot.py").read_text(encoding="utf-8")
     same = re.sub(NUMBER, "0", example[example.index("SETTINGS = ") :].rstrip())
     assert same in re.sub(NUMBER, "0", book)

@@ -36,7 +36,7 @@ _SHELL, _WRITE = "%%sh", "%%writefile "
 _LANGUAGES = {".xml": "xml", ".toml": "toml", ".py": "python", ".yml": "yaml"}
 # Where commands run: colours and the width of lines would be those of whoever runs them, and pytest
 # cuts no line where a CI server is known by its variables.
-_PLACE = {"COLUMNS": "100", "NO_COLOR": "1", "PY_COLORS": "0"} | dict.fromkeys(
+_PLACE = {"COLUMNS": "88", "NO_COLOR": "1", "PY_COLORS": "0"} | dict.fromkeys(
     ("CI", "BUILD_NUMBER", "PYTEST_ADDOPTS"), ""
 )
 _COLOURS = 64  # of a stored picture: lines and letters need no more, and a third of the bytes

@@ -111,6 +111,15 @@ def test_the_folders_of_tests_mirror_the_packages() -> None:
     assert {folder for folder in folders if not (PROJECT / folder).is_dir()} == {Path("paper")}
 
 
+def test_the_page_has_the_tree_in_the_order_of_the_floors() -> None:
+    page = (PROJECT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    names = re.findall(r"^      (\w+)(?:/|\.py) ", page, re.MULTILINE)
+    files = {path.stem for path in (PROJECT / "robotball").iterdir() if path.name[0] not in "_."}
+    assert {*names} == files - {"py", "scenes"}
+    floors = [floor_of(f"robotball.{name}") for name in names]
+    assert floors == sorted(floors)
+
+
 def test_tests_of_the_core_do_not_import_validation() -> None:
     """Nor do the helpers that they import."""
     modules = MODULES | modules_of(PROJECT, ("tests",))

@@ -136,6 +136,9 @@ BEYOND = """[...document.querySelectorAll("article *")].filter(node => {
     if (["auto", "scroll"].includes(getComputedStyle(e).overflowX)) return false
   return true
 }).map(node => node.outerHTML.slice(0, 80)).slice(0, 3)"""
+CUT = """[...document.querySelectorAll("article pre > code, article .md-typeset__scrollwrap")].filter(
+  node => node.scrollWidth > node.clientWidth + 1
+).map(node => node.innerText.slice(0, 80))"""
 # Reading the search index on each page would take a third of the time; search has its own test.
 UNSEARCHED = "window.Worker = class { postMessage() {} addEventListener() {} terminate() {} }"
 DARK = "getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0] < 50"
@@ -170,6 +173,26 @@ def test_no_page_overflows_logs_an_error_or_loads_from_elsewhere(
         assert browser.console == []
         browser.run("document.querySelector('article').innerHTML = '<p style=\"width: 2000px\">'")
         assert browser.run(BEYOND) != []
+
+
+@needs_browser
+@pytest.mark.slow
+def test_code_fits_a_desktop_and_the_tables_of_commands_a_phone(
+    site: Path, address: str, tmp_path: Path
+) -> None:
+    """Code of 88 characters is not cut at 1280 pixels; a line of 100 is."""
+    with opened("", tmp_path, 1280, 200, webgl=False) as browser:
+        browser.call("Page.addScriptToEvaluateOnNewDocument", source=UNSEARCHED)
+        for page in sorted(site.rglob("*.html")):
+            browser.visit(f"{address}{page.relative_to(site)}")
+            assert browser.run(CUT.replace(", article .md-typeset__scrollwrap", "")) == [], page
+        browser.visit(f"{address}commands.html")
+        for length, cut in (88, 0), (100, 1):
+            browser.run(f"document.querySelector('pre > code').innerText = 'x'.repeat({length})")
+            assert len(browser.run(CUT)) == cut
+        browser.size(390, 200)
+        browser.visit(f"{address}commands.html")
+        assert browser.run(CUT.replace("article pre > code, ", "")) == []
 
 
 PALETTE = "Object.keys(localStorage).filter(key => key.endsWith('palette'))"
@@ -214,7 +237,7 @@ def test_the_search_finds_typed_words(by: str, site: Path, address: str, tmp_pat
         browser.visit(f"{address}index.html" if by == "http" else f"{site.as_uri()}/index.html")
         browser.run("document.querySelector('.md-search__button').click()")
         assert waited(browser, FOCUSED)
-        for query in "friction cone", "adaptive", "torsional", "xyzzy":
+        for query in "install", "friction cone", "slip", "gain", "xyzzy":
             browser.run(f"{SEARCH}.select()")
             for letter in query:
                 browser.call("Input.dispatchKeyEvent", type="keyDown", text=letter)

@@ -232,6 +232,16 @@ def test_printed_commands_are_valid() -> None:
         assert re.search(rf"\b{name}\b", DOCS["commands.md"]), name
 
 
+def test_code_on_a_page_has_lines_of_at_most_88_characters() -> None:
+    """Outputs may be longer: the site breaks them."""
+    code = r"^```(?:python|sh|toml|xml|yaml)\n(.*?)^```|^( {4}\S*robotball .*)$"
+    pages = [PROJECT / "README.md", *(PROJECT / "docs").rglob("*.md")]
+    for page in pages:
+        for block, command in re.findall(code, page.read_text(encoding="utf-8"), re.M | re.DOTALL):
+            lines = (block or command.partition("\n")[0]).splitlines()
+            assert [line for line in lines if len(line) > 88] == [], page
+
+
 def test_every_warning_and_fault_has_a_law_and_a_remedy() -> None:
     """Each phrase of the table is part of a message, which the catalogue of messages has."""
     table = DOCS["commands.md"].split("| warning or fault |")[1].split("\n\n")[0]

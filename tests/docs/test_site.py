@@ -173,7 +173,9 @@ def test_no_page_overflows_logs_an_error_or_loads_from_elsewhere(
 
 
 # The number of elements that a reader must scroll sideways.
-SCROLLED = "[...document.querySelectorAll('{}')].filter(e => e.scrollWidth > e.clientWidth + 1).length"
+SCROLLED = """[...document.querySelectorAll("{}")].filter(
+  node => node.scrollWidth > node.clientWidth + 1
+).length"""
 
 
 @needs_browser

@@ -35,11 +35,12 @@ _DOCS = Path(__file__).parents[1] / "docs"
 _OUT = Path("out/gallery")
 PICTURES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["picture"]
 _ENGINES = next(row["command"] for row in PICTURES if row["shown"] == "engines.png")
-_COSTS = (
-    ("cost", 1e3, ".3g"),
-    ("relative_cost", 1, ".2g"),
-    ("spread", 1, ".2f"),
-)
+# Runs that docs/engines.md leaves out, beside coarser and finer ones of the same preset.
+_LEFT_OUT = (
+    "balanced, 10 ms", "exact, 50 ms", "best, 1e-09", "ideal, 1e-06", "ideal, 1e-09",
+    *(f"{preset}, 4 ms" for preset in ("best", "discrete", "contact")), "RK4, 10 ms",
+    "contact, 5 ms", "kept, 20 ms", "best, 10 ms", "3.17.0, naive, 2 ms", "3.17.0, balanced, 1 ms",
+)  # fmt: skip
 _RANDOM_RUNS = 500
 _SCREEN = ("--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1000,1400",
            "--enable-unsafe-swiftshader", "--virtual-time-budget=4000")  # fmt: skip
@@ -190,27 +191,34 @@ def engines_table(records: Sequence[Mapping[str, Any]]) -> str:
     """Return the errors of all engines as a Markdown table, a row per run and a column per scene.
 
     records: from `robotball engines`, one per scene; costs are from the first. Bold marks runs on
-    a Pareto front.
+    a Pareto front. An engine's name links to its script in docs/rolling.
     """
-    last = ["CPU [ms]", "relative", "spread", "Python", "by Python", "ours"]
+    last = ["relative time", "Python", "added by robotball"]
     head = ["engine, preset", "step or rtol", *(record["scene"] for record in records), *last]
     lines = [f"| {' | '.join(head)} |", "|---|" + "---:|" * (len(head) - 3) + "---|---|"]
     runs_by_title: dict[str, dict[str, Mapping[str, Any]]] = {}
     for record in records:
         for run in record["runs"]:
-            runs_by_title.setdefault(run["title"], {})[record["scene"]] = run
+            if not run["title"].endswith(_LEFT_OUT):
+                runs_by_title.setdefault(run["title"], {})[record["scene"]] = run
     for title, runs in runs_by_title.items():
         errors = [_error(runs.get(record["scene"])) for record in records]
-        first = runs.get(records[0]["scene"], {})
-        costs = [
-            "-" if (number := first.get(key)) is None else f"{number * scale:{form}}"
-            for key, scale, form in _COSTS
-        ]
-        by = ", ".join(sorted({run["python"].rpartition(".")[0] for run in runs.values()}))
-        ours = next(iter(runs.values()))["ours"] or "-"
-        row = [*title.rsplit(", ", 1), *errors, *costs, python_text(first), by, ours]
+        first, some = runs.get(records[0]["scene"], {}), next(iter(runs.values()))
+        cost = first.get("relative_cost")
+        engine, step = title.rsplit(", ", 1)
+        row = [_linked(engine, some["contestant"]), step, *errors]
+        row += ["-" if cost is None else f"{cost:.2g}", python_text(first), some["ours"] or "-"]
         lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines)
+
+
+def _linked(text: str, contestant: str) -> str:
+    """Return the text with a link to the engine's script, if it has one."""
+    for script in _DOCS.glob("rolling/*_rolls.py"):
+        name = script.stem.removesuffix("_rolls")
+        if contestant.endswith(name) or name.endswith(contestant):
+            return f"[{text}](rolling/{script.name})"
+    return text
 
 
 def _error(run: Mapping[str, Any] | None) -> str:

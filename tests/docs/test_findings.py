@@ -159,7 +159,7 @@ def printed_by(script: Path, folder: Path) -> dict[str, str]:
         pytest.skip(f"needs {package}")
     command = [sys.executable, str(script)]
     printed = subprocess.check_output(command, text=True, cwd=folder, stderr=subprocess.DEVNULL)
-    return dict(re.findall(r"^(.+): ([-+.\w]+|\w+ [.\d]+)$", printed, re.M))
+    return dict(re.findall(r"^(.+): ([-+.\w]+|(?:\w+ )+[.\d]+)$", printed, re.M))
 
 
 # Five fits with MuJoCo take half a minute.

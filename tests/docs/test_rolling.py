@@ -20,10 +20,11 @@ SCRIPTS = {file.stem: file.read_text() for file in (DOCS / "rolling").glob("*.py
 def test_a_script_has_the_error_of_its_row(name: str, tmp_path: Path) -> None:
     """Its label names the row's preset and step; its version line names the engine."""
     printed = printed_by(DOCS / f"rolling/{name}.py", tmp_path)
-    engine, table = printed.pop("version").split()[0], (DOCS / "engines.md").read_text()
+    engine, table = printed.pop("version").rpartition(" ")[0], (DOCS / "engines.md").read_text()
     ((label, error),) = printed.items()
     preset, step = label.split(", ")
-    row, *_ = re.findall(rf"(?m)^\| {engine} \S+, {preset} \| {step} \| ([^ ]+) \|", table)
+    title = rf"\[{engine}[^|\]]*, {preset}\]\(rolling/{name}\.py\)"
+    (row,) = re.findall(rf"(?m)^\| {title} \| {step} \| ([^ ]+) \|", table)
     assert 1 / 1.5 < float(error) / float(row) < 1.5
 
 
@@ -35,10 +36,10 @@ def equations(script: str) -> str:
 
 def test_scripts_are_short_self_contained_and_linked() -> None:
     """At most 80 lines, no import of robotball, and the same equations in all."""
-    page = (DOCS / "rolling.md").read_text()
+    page = (DOCS / "engines.md").read_text()
     assert len({equations(script) for script in SCRIPTS.values()}) == 1
     for name, script in SCRIPTS.items():
-        assert f"](rolling/{name}.py)" in page
+        assert f"[`{name}.py`](rolling/{name}.py)" in page
         assert len(script.splitlines()) <= 80
         assert not re.search(r"^\s*(import|from) (robotball|validation)", script, re.M)
 

@@ -128,20 +128,20 @@ def test_a_row_that_is_mostly_launching_says_so(preset: str, python: float, text
     study = study_of(FIG12, [replace(run, cell={**run.cell, "preset": preset})])
     (column,) = (column for column in COLUMNS if column.header == "Python")
     assert column.text(study["runs"][0]) == text
-    assert engines_table([study]).split("\n")[-1].split("| ")[7].strip() == text
+    assert engines_table([study]).split("\n")[-1].split("| ")[5].strip() == text
 
 
 def test_the_page_has_a_row_a_run_and_the_picture_an_entry_an_engine() -> None:
-    """Errors of the scenes stand in one row, bold on a front, with the cost of the first."""
+    """It has errors of the scenes, bold on a front, the cost of the first, and a link."""
     own, worse = result(5e-3, 1e-7, 0.1), result(5e-3, 1e-2, 1.0)
     other = replace(worse, cell={**worse.cell, "contestant": "other", "preset": "fast"})
     first, second = study_of(FIG12, [own, other]), study_of(CLASSICAL, [own])
     *_, mine, others = engines_table([first, second]).split("\n")
-    assert mine.split("| ")[1:6] == [
-        "MuJoCo 4, balanced ", "5 ms ", "**1.0e-07** ", "**1.0e-07** ", "500 ",
+    assert mine.split("| ")[1:7] == [
+        "[MuJoCo 4, balanced](rolling/mujoco_rolls.py) ", "5 ms ", "**1.0e-07** ", "**1.0e-07** ",
+        "1 ", "- ",
     ]  # fmt: skip
     assert others.split("| ")[2:5] == ["5 ms ", "1.0e-02 ", "- "]
-    assert mine.split("| ")[9] == "3.13 "
     figure = _engines_study(FIG12, [own, other], ()).picture
     assert figure is not None
     assert len(figure.legends[0].get_texts()) == 2 + 3

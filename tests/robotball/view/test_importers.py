@@ -17,7 +17,7 @@ SCENES = [*map(rb.load_scene, ("inclined_plane", "steered_pendulum_robot")), *RO
 FILES = {"MJCF": "model.xml", "URDF": "model.urdf"}
 # Quantities that a format cannot express; importers then use a default.
 UNSAID = {"URDF": {"gravity", "armature"}}
-# Quantities that importers lose; see docs/findings.md and the README of an export.
+# Quantities that importers lose; see the README of an export.
 LOST = {
     "MJCF, pybullet": {"inertia", "gravity", "armature"},
     "MJCF, pybullet, URDF_USE_INERTIA_FROM_FILE": {"inertia", "gravity", "armature"},

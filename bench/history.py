@@ -18,7 +18,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -62,7 +62,7 @@ _FREE_BODY = """<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="impl
 <worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body>
 </worldbody><keyframe><key qvel="0 0 0 3 1 5"/></keyframe></mujoco>""".format(*_MOMENTS)
 # The measured numbers: their labels, and the word that marks changelog entries about them.
-_NUMBERS = {"as_it_comes": "as it comes", "recipe": "recipe", "free_body": "free body"}
+_NUMBERS = {"as_it_comes": "default settings", "recipe": "recipe", "free_body": "free body"}
 _WORDS = {"as_it_comes": "Euler", "recipe": "RK4", "free_body": "implicitfast"}
 
 
@@ -292,17 +292,30 @@ def _lines_of(changes: Sequence[tuple[str, Row, Row]], package: str) -> list[str
     ]
 
 
+_NUMBER_COLUMNS = tuple(Column(label, number) for number, label in _NUMBERS.items())
+_DATED = (Column("version", "version", words=True), Column("date", "date", words=True))
 _COLUMNS = (
-    Column("version", "version", words=True),
-    Column("date", "date", words=True),
-    Column("by Python", "python", words=True),
-    *(Column(label, number) for number, label in _NUMBERS.items()),
+    *_DATED,
+    Column("Python", "python", words=True),
+    *_NUMBER_COLUMNS,
     Column("speed", "speed", form=".2f"),
     Column("recipe without", "recipe_without", words=True),
     Column("changed", "changed", words=True),
     Column("first fault", "fault", words=True),
     Column("recipe: first fault", "recipe_fault", words=True),
 )
+
+
+def spans_of(rows: Sequence[Row]) -> list[Row]:
+    """Return a row for each span of versions with the same printed numbers."""
+    spans = groupby(rows, lambda row: [column.text(row) for column in _NUMBER_COLUMNS])
+    return [
+        {
+            **first,
+            "version": " to ".join([first["version"], *(row["version"] for row in rest[-1:])]),
+        }
+        for first, *rest in (group for _, group in spans)
+    ]
 
 
 def _history_picture(label: Label, title: str, rows: Sequence[Row]) -> Figure:
@@ -337,7 +350,12 @@ def cell_of(engine: str, version: str, duration: float, home: Path | None) -> Ce
 def _write_table(engine: str, rows: Sequence[Row], out: Path) -> None:
     label, lines = engine_named(engine).label, _lines_of(changes_of(rows), package_of(engine))
     title = f"{label.name} on {_SCENE}, version after version"
-    page = [*markdown(_COLUMNS, rows), "", *(f"* {line}" for line in lines), ""]
+    page = [
+        *markdown((*_DATED, *_NUMBER_COLUMNS), spans_of(rows)),
+        "",
+        *(f"* {line}" for line in lines),
+        "",
+    ]
     write_text(out / f"history-{engine}.md", "\n".join(page))
     measured = [row for row in rows if not row["failure"]]
     write_picture(out / f"history-{engine}.png", _history_picture(label, title, measured))

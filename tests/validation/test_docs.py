@@ -72,7 +72,6 @@ SAID = {
         f"the best of the others is at {COST['best_servo']:.0e}".replace("e-0", "e-"),
         f"reach {COST['best_of_first_order']:.0e} at 0.2 ms".replace("e-0", "e-"),
     ],
-    "findings.md": [f"M² below {FIG_10:.2f}"],
     "errata.md": [f"f < {FIG_10:.4f}"],
 }
 

@@ -21,6 +21,7 @@ from bench.history import (
     places_of,
     releases,
     searched,
+    spans_of,
     version_rows,
 )
 from tests.messages import naming
@@ -50,6 +51,18 @@ def test_versions_are_selected_by_the_beginning_of_their_name() -> None:
     ]
     with pytest.raises(rb.InputError, match=naming("'3.99'")):
         places_of(VERSIONS, "3.99")
+
+
+def test_versions_with_the_same_printed_numbers_are_one_row() -> None:
+    """The row has the first version's date; a number that changes or is missing ends it."""
+    rows: list[Row] = [
+        {"version": "1", "date": "2020", "recipe": 7.501e-6},
+        {"version": "2", "date": "2021", "recipe": 7.502e-6},
+        {"version": "3", "date": "2022", "recipe": None},
+        {"version": "4", "date": "2023", "recipe": 1e-9},
+    ]
+    found = [(row["version"], row["date"]) for row in spans_of(rows)]
+    assert found == [("1 to 2", "2020"), ("3", "2022"), ("4", "2023")]
 
 
 @pytest.mark.parametrize(

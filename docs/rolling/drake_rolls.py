@@ -1,7 +1,7 @@
 """The ball of Fig. 12 in Drake: RADAU with equal steps of 1 ms, reflected inertias at the hinges.
 
-Point contact does not resist spin. A torque of ours, -3000 I/step (ω, e_z), imitates a rubber ball;
-I = 0.35 kg m² is the ball's least moment. The implicit integrator is stable with it.
+Point contact does not resist spin. The script adds the torque -3000 I/step (ω, e_z) for a rubber
+ball, with its smallest moment of inertia I = 0.35 kg m². The implicit integrator is stable with it.
 """
 
 from importlib.metadata import version

@@ -1,6 +1,6 @@
 """The ball of Fig. 12 in Exudyn as one body: generalised-α, Euler parameters, steps of 1 ms.
 
-Our torque on the body stands for the rotors, and our velocity constraint for rolling.
+The script adds the torque of the rotors and a velocity constraint of rolling.
 """
 
 from importlib.metadata import version

@@ -1,7 +1,7 @@
 """The ball of Fig. 12 on Pinocchio's point contact, moved to its lowest point before every step.
 
-The loop follows Pinocchio's example. A torque of ours, -1.5 I/step (ω, e_z), resists spin;
-I = 0.35 kg m² is the ball's least moment.
+The loop follows Pinocchio's example. The script adds the torque -1.5 I/step (ω, e_z) against spin,
+with the ball's smallest moment of inertia I = 0.35 kg m².
 """
 
 from importlib.metadata import version

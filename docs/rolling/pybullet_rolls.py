@@ -1,6 +1,6 @@
 """The ball of Fig. 12 in PyBullet: velocity motors, friction and spinning friction, 1 ms.
 
-Bullet's spinning friction serves the rubber ball, so nothing of ours is added.
+Bullet's spinning friction serves the rubber ball, so the script adds nothing.
 """
 
 from importlib.metadata import version
@@ -56,7 +56,7 @@ ball = p.createMultiBody(
     linkJointTypes=[p.JOINT_REVOLUTE] * 2, linkJointAxis=[[0, 0, 1], AXIS],
 )  # fmt: skip
 for i, diagonal in enumerate(moments, start=-1):
-    # One option per call: with several, Bullet gives some of a link's to the base.
+    # One option per call: with several, Bullet applies some to the base instead of the link.
     p.changeDynamics(ball, i, localInertiaDiagonal=diagonal)
     for kind in "linearDamping", "angularDamping", "jointDamping":
         p.changeDynamics(ball, i, **{kind: 0})

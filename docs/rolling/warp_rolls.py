@@ -1,4 +1,4 @@
-"""The ball of Fig. 12 in MuJoCo Warp: RK4 20 ms, single precision, on the processor.
+"""The ball of Fig. 12 in MuJoCo Warp: RK4 at 20 ms, single precision, on the processor.
 
 The step is captured once as a graph. Single precision limits the impedance to 0.99 and the armature
 to 3e4 kg m²; servos correct the hinge rates.

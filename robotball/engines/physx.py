@@ -83,6 +83,11 @@ class _PhysxWorld(adapter.ServoWorld):
     def step(self, step: float) -> None:
         self.physx.step_sync(step)
 
+    def python_seconds(self) -> float:
+        # A step of 0 s simulates nothing: of its 9 µs the package's Python takes 6 µs.
+        call = adapter.seconds_per_call(lambda: self.physx.step_sync(0.0))
+        return super().python_seconds() + call * self.steps
+
     def _read(self, kind: str, name: str) -> Array:
         with self.physx.read_sync(getattr(self.types.SimObjectType, kind), [name]) as result:
             parts = [part.numpy().ravel() for group in result.groups for part in group.tensors]

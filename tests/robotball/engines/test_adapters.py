@@ -36,6 +36,7 @@ from robotball.engines.adapter import (
 )
 from robotball.engines.engine import OURS
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
+from robotball.engines.physx import _PhysxWorld
 from robotball.engines.pinocchio import PINOCCHIO
 from robotball.engines.states import (
     State,
@@ -366,6 +367,16 @@ def test_a_step_is_captured_once_for_each_length_and_launched_for_every_step(
     assert launched == [0, 0, 0, 1]
     assert world.python_seconds() > 0
     assert len(launched) > 4
+
+
+def test_pythons_time_has_the_calls_of_physxs_package() -> None:
+    """They are steps of 0 s, which simulate nothing."""
+    calls: list[float] = []
+    world = object.__new__(_PhysxWorld)
+    vars(world).update(scene=FIG12, steps=10, longest=0.1)
+    world.physx = SimpleNamespace(step_sync=calls.append)
+    assert world.python_seconds() > 0
+    assert {*calls} == {0.0}
 
 
 class Timed(Repeated):

@@ -1,7 +1,7 @@
 """The ball of Fig. 12 in Rapier: velocity motors, friction 20, steps of 1 ms with 20 substeps.
 
-Rapier's contact at one point does not resist spin. The script adds -1.5 I/step (ω, e_z) for a rubber
-ball, with its smallest moment of inertia I = 0.35 kg m². Above 2 I/step this torque diverges.
+Rapier's contact at one point does not resist spin. The script adds the torque -1.5 I/step (ω, e_z)
+for a rubber ball, with its smallest moment of inertia I = 0.35 kg m². Above 2 I/step it diverges.
 """
 
 from importlib.metadata import version

@@ -61,11 +61,3 @@ def test_the_best_gain_for_naive_is_not_the_best_for_rolling() -> None:
     assert [exact for _, exact in distances] == pytest.approx(rolling[1:], rel=0.1)
     assert distances[1][0] < distances[0][0]
     assert distances[1][1] > 2 * distances[0][1]
-
-
-def test_the_margins_are_those_of_the_questions() -> None:
-    """Another test runs the command of that page."""
-    questions = (PROJECT / "docs" / "questions.md").read_text(encoding="utf-8")
-    shown = re.findall("^works with .*$", PAGE, re.M)
-    assert len(shown) == 2
-    assert "\n".join(shown) in questions

@@ -1,4 +1,4 @@
-"""The page of questions prints what its commands print today."""
+"""Pages show what their commands print today."""
 
 import re
 import shlex
@@ -9,8 +9,15 @@ import pytest
 from tests.conftest import Robotball
 from tests.imports import PROJECT
 
-PAGE = (PROJECT / "docs" / "questions.md").read_text(encoding="utf-8")
-SHOWN = re.findall(r"^## (.*?)\n.*?^```console\n\$ robotball (.*?)\n(.*?)^```", PAGE, re.M | re.S)
+PAGES = {
+    name: (PROJECT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    for name in ("check", "controllers", "questions", "trajectories")
+}
+SHOWN = [
+    (name, command, answer)
+    for name, page in PAGES.items()
+    for command, answer in re.findall(r"^```console\n\$ robotball (.*)\n([^`]*)^```", page, re.M)
+]
 NUMBER = r"(-?\d+(?:\.\d+)?(?:e[-+]\d+)?)"
 OUTPUTS: dict[str, str] = {}
 
@@ -27,17 +34,18 @@ def pattern(line: str) -> str:
 
 
 def test_every_question_has_a_command_and_its_answer() -> None:
-    assert len(SHOWN) == PAGE.count("\n## ") == 18
+    shown = [answer for name, _, answer in SHOWN if name == "questions" and answer]
+    assert len(shown) == PAGES["questions"].count("\n## ") == 18
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("question", "command", "answer"), SHOWN, ids=[q for q, *_ in SHOWN])
-def test_a_question_is_answered_as_the_page_says(
-    question: str, command: str, answer: str, robotball: Robotball, tmp_path: Path
+@pytest.mark.parametrize(("page", "command", "answer"), SHOWN)
+def test_a_command_prints_what_the_page_shows(
+    page: str, command: str, answer: str, robotball: Robotball, tmp_path: Path
 ) -> None:
     """Numbers up to a tenth, for other processors: those of slips grow from rounding.
 
-    A command that several questions share runs once.
+    A command that is shown several times runs once.
     """
     for folder in ("docs", "examples"):
         (tmp_path / folder).symlink_to(PROJECT / folder)

@@ -16,42 +16,56 @@ from robotball.scene_files.scene_keys import meaning_of, struct_of, tables_at
 from robotball.user_model.robot_scene import RobotTable
 
 _DRIVES = {
-    "prescribed": "The hinge keeps the rate exactly, with any torque that this takes.",
-    "servo": "Torque = kv (rate - the hinge's rate), clipped to the limit.",
-    "position": "Torque = kp (angle - the hinge's angle) - kd · the hinge's rate, clipped to the "
-    "limit.",
-    "dc_motor": "Torque = efficiency · gear · stall_torque (supply - gear · rate/no_load_speed), "
-    "clipped to the limit.",
-    "torque": "The motor applies the torque, independent of the hinge's motion.",
-    "free": "No motor: torque = -damping · rate - stiffness (angle - rest), minus friction.",
+    "prescribed": "keeps the rate exactly, with any torque",
+    "servo": "kv (rate - actual rate)",
+    "position": "kp (angle - actual angle) - kd · actual rate",
+    "dc_motor": "efficiency · gear · stall_torque (supply - gear · rate/no_load_speed)",
+    "torque": "the command, independent of the motion",
+    "free": "no motor: -damping · rate - stiffness (angle - rest), and dry friction",
 }
 
 
 def page() -> str:
-    """Return docs/scene.md: the text, with each line `{name}` replaced by a table of keys."""
+    """Return docs/scene.md: the text, with each line `{names}` replaced by a table of keys."""
     prose = Path(__file__).with_name("scene_page.md").read_text()
-    return re.sub(r"(?m)^\{([\w.]+)\}$", lambda match: "\n".join(_rows(match[1])), prose)
+    return re.sub(r"(?m)^\{([\w. ]+)\}$", lambda match: "\n".join(_rows(match[1])), prose)
 
 
-def _rows(name: str) -> Iterator[str]:
-    """Yield the table of a path in a scene file, or of a kind of part or command."""
-    if name == "materials":
-        yield from ("| `material` | density [kg/m³] |", "|---|---|")
-        yield from (f"| `{material}` | {density:g} |" for material, density in DENSITIES.items())
+def _rows(names: str) -> Iterator[str]:
+    """Yield one table of the keys at these paths in a scene file, or of these kinds of parts."""
+    if names == "materials":
+        cells = [f"| `{material}` | {density:g} " for material, density in DENSITIES.items()]
+        rows = len(cells) // 3
+        yield from ("| `material` | density [kg/m³] " * 3 + "|", "|---|---" * 3 + "|")
+        for row in zip(cells[:rows], cells[rows:-rows], cells[-rows:], strict=True):
+            yield "".join(row) + "|"
         return
-    if name == "drives":
-        yield from ("| `drive` | behaviour | required keys | optional keys |", "|---|---|---|---|")
+    if names == "drives":
+        yield "| `drive` | torque, up to `torque_limit` | required keys | optional keys |"
+        yield "|---|---|---|---|"
         for drive, kind in DRIVES.items():
             optional = tuple(key for key in kind.allowed if key not in kind.needed)
             yield f"| `{drive}` | {_DRIVES[drive]} | {_codes(kind.needed)} | {_codes(optional)} |"
         return
-    yield from ("| key | meaning | unit | default |", "|---|---|---|---|")
-    # A hinge's keys have their own table, so other bodies' tables leave them out.
-    left_out = set() if name == "hinge" else set(HingeTable.__struct_fields__)
-    for field in _documented(name).fields:
-        if field.name not in left_out:
-            meaning, unit = meaning_of(field)
-            yield f"| `{field.name}` | {meaning} | {unit} | {_default(field)} |"
+    owners = dict[tuple[str, str, str, str], list[str]]()
+    for name in names.split():
+        table = _documented(name)
+        # The keys of a hinge have a table of their own.
+        is_body = issubclass(table.cls, HingeTable) and name != "hinge"
+        for field in table.fields:
+            if not (is_body and field.name in HingeTable.__struct_fields__):
+                row = f"`{field.name}`", *meaning_of(field), _default(field)
+                owners.setdefault(row, []).append(f"`{name.rpartition('.')[2]}`")
+    several = " of |" if " " in names else ""
+    yield from (
+        f"| key |{several} meaning | unit | default |",
+        "|---" * (5 if several else 4) + "|",
+    )
+    order = [key for key, *_ in owners]  # rows with the same key stand together
+    for key, *cells in sorted(owners, key=lambda row: order.index(row[0])):
+        of = owners[key, *cells]
+        first = [key, "all" if len(of) == names.count(" ") + 1 else ", ".join(of)]
+        yield f"| {' | '.join([*first[: 1 + bool(several)], *cells])} |"
 
 
 def _documented(name: str) -> inspect.StructType:

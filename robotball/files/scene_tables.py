@@ -73,7 +73,7 @@ class _SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
     values: Annotated[list[float] | None, key("as many values", COMMAND)] = None
     file: Annotated[
         str | None,
-        key("instead of both: a file (.csv, .npz) with two named columns, time and value"),
+        key("instead of both: a .csv or .npz file with two named columns, time and value"),
     ] = None
 
 
@@ -156,31 +156,31 @@ class HingeTable(Table, frozen=True):
     """The drive and the initial state of a hinge."""
 
     # None marks a missing key: 0 would be a value, and a key of another drive is refused.
-    rate: Annotated[Command | None, key("commanded rate, see below; else 0", "rad/s")] = None
-    angle: Annotated[Command | None, key("commanded angle, see below", "rad")] = None
-    torque: Annotated[Command | None, key("commanded torque, see below", "N m")] = None
-    supply: Annotated[Command | None, key("share of the voltage, -1 to 1, see below", "1")] = None
+    rate: Annotated[Command | None, key("commanded rate; default: 0", "rad/s")] = None
+    angle: Annotated[Command | None, key("commanded angle", "rad")] = None
+    torque: Annotated[Command | None, key("commanded torque", "N m")] = None
+    supply: Annotated[Command | None, key("share of the nominal voltage, -1 to 1", "1")] = None
     drive: Annotated[
-        _DriveName, key("the motor of the hinge, see Drives; `prescribed`: exact rate, no motor")
+        _DriveName, key("the motor of the hinge; `prescribed`: exact rate, no motor")
     ] = "prescribed"
     kv: Annotated[float | None, key("gain: torque per error of the rate", "N m s/rad")] = None
     kp: Annotated[float | None, key("gain: torque per error of the angle", "N m/rad")] = None
-    kd: Annotated[float | None, key("damping: torque against the rate", "N m s/rad")] = None
+    kd: Annotated[float | None, key("gain: torque per rate, against it", "N m s/rad")] = None
     stall_torque: Annotated[float | None, key("stall torque before the gear", "N m")] = None
     no_load_speed: Annotated[float | None, key("no-load speed before the gear", "rad/s")] = None
-    gear: Annotated[float | None, key("motor turns per hinge turn; 1 if not given")] = None
+    gear: Annotated[float | None, key("gear ratio, motor to hinge; default: 1")] = None
     rotor_inertia: Annotated[float | None, key("inertia of the motor's rotor", "kg m²")] = None
-    torque_limit: Annotated[float | None, key("the motor's largest torque", "N m")] = None
-    efficiency: Annotated[float | None, key("share of the torque behind the gear; else 1")] = None
-    no_load_current: Annotated[float | None, key("at no-load speed; gives friction", "A")] = None
-    stall_current: Annotated[float | None, key("at rest; needed by no_load_current", "A")] = None
-    damping: Annotated[float | None, key("torque against the rate", "N m s/rad")] = None
+    torque_limit: Annotated[float | None, key("largest torque of the motor", "N m")] = None
+    efficiency: Annotated[float | None, key("efficiency of the gear; default: 1")] = None
+    no_load_current: Annotated[float | None, key("no-load current; gives friction", "A")] = None
+    stall_current: Annotated[float | None, key("needed with no_load_current", "A")] = None
+    damping: Annotated[float | None, key("viscous damping", "N m s/rad")] = None
     stiffness: Annotated[float | None, key("stiffness of a spring", "N m/rad")] = None
     rest: Annotated[float | None, key("rest angle of the spring", "rad")] = None
     friction: Annotated[float | None, key("dry friction, smoothed below 1e-3 rad/s", "N m")] = None
     armature: Annotated[float | None, key("rotor inertia times gear ratio squared", "kg m²")] = None
     initial_angle: Annotated[float, key("angle at the start", "rad")] = 0.0
-    initial_rate: Annotated[float | None, key("else a servo's command, or 0", "rad/s")] = None
+    initial_rate: Annotated[float | None, key("default: a servo's command, or 0", "rad/s")] = None
 
     def __post_init__(self) -> None:
         drive = DRIVES[self.drive]
@@ -197,14 +197,14 @@ class HingeTable(Table, frozen=True):
 
 _Name = Annotated[str | None, key("one word, the name of the part in `fit`")]
 _Mass = Annotated[_Positive, key("mass", "kg")]
-_Place = Annotated[_Triple, key("position of its middle, from the sphere's centre", "m")]
-_Axis = Annotated[_Triple | None, key("symmetry axis; else the shell's or rotor's, or z")]
+_Place = Annotated[_Triple, key("centre, from the centre of the sphere", "m")]
+_Axis = Annotated[_Triple | None, key("default: the axis of the shell or rotor, or z")]
 
 
 class _Matter(Table, frozen=True):
     """The mass of a body, or its density or material."""
 
-    mass: Annotated[_Positive | None, key("mass, or else a density or material", "kg")] = None
+    mass: Annotated[_Positive | None, key("mass; or a density, or a material", "kg")] = None
     density: Annotated[_Positive | None, key("instead of the mass", "kg/m³")] = None
     material: Annotated[str | None, key("instead of the density, see Materials")] = None
 
@@ -229,7 +229,7 @@ class _Matter(Table, frozen=True):
 class _Round(_Matter, frozen=True):
     """A round body with an outer radius or diameter."""
 
-    radius: Annotated[_Positive | None, key("outer radius, or else a diameter", "m")] = None
+    radius: Annotated[_Positive | None, key("outer radius; or a diameter", "m")] = None
     diameter: Annotated[_Positive | None, key("instead of the radius", "m")] = None
 
     def __post_init__(self) -> None:
@@ -248,7 +248,7 @@ class _Round(_Matter, frozen=True):
 class _Bored(_Round, frozen=True):
     """A round body about an axis, with or without a round hole."""
 
-    inner_radius: Annotated[_NotNegative, key("radius of its hole", "m")] = 0.0
+    inner_radius: Annotated[_NotNegative, key("radius of the hole", "m")] = 0.0
     centre: _Place = _ORIGIN
     axis: _Axis = None
 
@@ -270,7 +270,7 @@ class Point(Table, frozen=True, kw_only=True, tag_field="kind", tag="point"):
 class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
     """A ball, solid or hollow."""
 
-    thickness: Annotated[_Positive | None, key("of its wall; solid if not given", "m")] = None
+    thickness: Annotated[_Positive | None, key("of the wall; default: solid", "m")] = None
     centre: _Place = _ORIGIN
     name: _Name = None
 
@@ -278,9 +278,9 @@ class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
 class Box(_Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
     """A cuboid."""
 
-    size: Annotated[tuple[_Positive, _Positive, _Positive], key("full lengths of its edges", "m")]
+    size: Annotated[tuple[_Positive, _Positive, _Positive], key("full lengths of the edges", "m")]
     centre: _Place = _ORIGIN
-    attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) of its edges")] = _UPRIGHT
+    attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) of the edges")] = _UPRIGHT
     name: _Name = None
 
 
@@ -294,7 +294,7 @@ class Cylinder(_Bored, frozen=True, kw_only=True, tag_field="kind", tag="cylinde
 class Disc(_Bored, frozen=True, tag_field="kind", tag="disc"):
     """A round plate, with or without a round hole."""
 
-    thickness: Annotated[_NotNegative, key("along the axis; needed by a density", "m")] = 0.0
+    thickness: Annotated[_NotNegative, key("along the axis; required with a density", "m")] = 0.0
     name: _Name = None
 
 
@@ -311,9 +311,9 @@ class Ring(Table, frozen=True, kw_only=True, tag_field="kind", tag="ring"):
 class Rod(_Round, frozen=True, kw_only=True, tag_field="kind", tag="rod"):
     """A round rod between two points."""
 
-    begin: Annotated[_Triple, key("centre of one end, from the sphere's centre", "m")]
+    begin: Annotated[_Triple, key("centre of one end", "m")]
     end: Annotated[_Triple, key("centre of the other end", "m")]
-    radius: Annotated[_NotNegative, key("of its round section; needed by a density", "m")] = 0.0
+    radius: Annotated[_NotNegative, key("radius; required with a density", "m")] = 0.0
     name: _Name = None
 
 
@@ -323,8 +323,8 @@ Part = Point | Sphere | Box | Cylinder | Disc | Ring | Rod
 class _BodyFile(Table, frozen=True):
     """A body in a model file, and its pose in the ball."""
 
-    file: Annotated[str, key("the file; a relative path is from the scene's own folder")]
-    origin: Annotated[_Triple, key("its origin, from the sphere's centre", "m")] = _ORIGIN
+    file: Annotated[str, key("path, relative to the folder of the scene")]
+    origin: Annotated[_Triple, key("its origin, from the centre of the sphere", "m")] = _ORIGIN
     attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) that rotates its axes")] = _UPRIGHT
 
 
@@ -342,7 +342,7 @@ class UrdfTable(_BodyFile, frozen=True, kw_only=True):
 
 Rows = list[float | _Triple]  # three moments or three rows: msgspec has no union of two lists
 _Tensor = Annotated[
-    Rows | None, key("about its centre of mass: three moments, or three rows of three", "kg m²")
+    Rows | None, key("about the centre of mass: 3 moments, or 3 rows of 3", "kg m²")
 ]
 
 
@@ -359,11 +359,11 @@ class ShellTable(_Round, frozen=True):
     thickness: Annotated[_Positive | None, key("thickness of the uniform wall", "m")] = None
     inertia: Annotated[
         Literal["thin"] | Axial | None,
-        key('of the wall, instead of its thickness: `"thin"` for a thin wall, or two moments'),
+        key('of the wall, instead of the thickness: `"thin"`, or two moments'),
     ] = None
     axis: Annotated[_Triple, key("axis of the frame's hinge; of any length")] = (0.0, 0.0, 1.0)
-    offset: Annotated[float, key("of the wall's centre of mass along `axis`", "m")] = 0.0
-    part: Annotated[list[Part] | None, key("parts fixed to the wall, see Parts")] = None
+    offset: Annotated[float, key("centre of mass of the wall, along `axis`", "m")] = 0.0
+    part: Annotated[list[Part] | None, key("parts fixed to the wall")] = None
     mjcf: Annotated[_MjcfTable | None, key("the whole shell from an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("the whole shell from a URDF file")] = None
 
@@ -405,8 +405,8 @@ class _BodyTable(HingeTable, frozen=True):
     """A body on a hinge, without its inertia and the axis of the hinge."""
 
     mass: Annotated[float | None, key("mass", "kg")] = None
-    centre: Annotated[_Triple | None, key("the centre of mass; else the sphere's", "m")] = None
-    part: Annotated[list[Part] | None, key("parts of the body, see Parts")] = None
+    centre: Annotated[_Triple | None, key("centre of mass; default: of the sphere", "m")] = None
+    part: Annotated[list[Part] | None, key("parts of the body")] = None
     mjcf: Annotated[_MjcfTable | None, key("a body of an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("a link of a URDF file")] = None
 
@@ -438,41 +438,41 @@ class FrameTable(_BodyTable, frozen=True):
 class RotorTable(_BodyTable, frozen=True, kw_only=True):
     """A symmetric body that turns on the frame about its symmetry axis."""
 
-    inertia: Annotated[Axial | None, key("moments")] = None
-    axis: Annotated[_Triple, key("symmetry axis; a direction of any length")]
+    inertia: Annotated[Axial | None, key("two moments")] = None
+    axis: Annotated[_Triple, key("symmetry axis, of any length")]
 
 
 class PendulumTable(_BodyTable, frozen=True, kw_only=True):
     """Any body on a hinge of the frame, at hinge angle 0."""
 
     inertia: _Tensor = None
-    axis: Annotated[_Triple, key("the hinge's axis; a direction of any length")]
-    pivot: Annotated[_Triple, key("a point of the axis, from the sphere's centre", "m")] = _ORIGIN
+    axis: Annotated[_Triple, key("axis of the hinge, of any length")]
+    pivot: Annotated[_Triple, key("a point of the axis", "m")] = _ORIGIN
 
 
 class FrictionTable(Table, frozen=True):
     """Friction of the plane against the shell."""
 
-    sliding: Annotated[float | None, key("largest friction over the normal force; or none")] = None
-    torsional: Annotated[float | None, key("the same of the torque about the vertical", "m")] = None
-    rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
+    sliding: Annotated[float | None, key("friction coefficient; default: no limit")] = None
+    torsional: Annotated[float | None, key("the same for the vertical torque", "m")] = None
+    rolling: Annotated[float, key("resisting torque over the normal force", "m")] = 0.0
 
 
 class PlaneTable(Table, frozen=True):
     """The motion of the plane."""
 
-    motion: Annotated[_Three, key("its acceleration along the world's X, Y, Z", "m/s²")] = _ORIGIN
-    rotation: Annotated[Command, key("its rate about the world's Z, at the origin", "rad/s")] = 0.0
+    motion: Annotated[_Three, key("acceleration along X, Y and Z of the world", "m/s²")] = _ORIGIN
+    rotation: Annotated[Command, key("rate about Z at the origin", "rad/s")] = 0.0
 
 
 class _NumbersTable(Table, frozen=True):
     """Numbers of the equations, for which bodies are designed."""
 
-    radius: Annotated[float, key("a", "m")]
-    A: Annotated[Rows, key("A: its diagonal, or three rows", "1/(kg m²)")]
+    radius: Annotated[float, key("radius a", "m")]
+    A: Annotated[Rows, key("A: diagonal, or three rows", "1/(kg m²)")]
     K: Annotated[_Triple, key("K, in the same axes", "kg m²/s")]
     Omega: Annotated[_Triple, key("Ω, in the same axes", "rad/s")]
-    mass: Annotated[float | None, key("mass of the whole ball; found if not given", "kg")] = None
+    mass: Annotated[float | None, key("mass of the ball; else chosen", "kg")] = None
 
 
 class _SectionTable(Table, frozen=True):
@@ -489,19 +489,19 @@ class StartTable(Table, frozen=True):
     """The initial attitude and momentum, in one of three forms."""
 
     attitude: Annotated[_Quadruple | None, key("quaternion (w, x, y, z), frame to world")] = None
-    gamma: Annotated[_Triple | None, key("the upward vertical, in frame axes; of length 1")] = None
-    alpha: Annotated[_Triple | None, key("the world's X, in frame axes; of length 1")] = None
+    gamma: Annotated[_Triple | None, key("upward vertical in frame axes, of length 1")] = None
+    alpha: Annotated[_Triple | None, key("X of the world in frame axes, of length 1")] = None
     angular_velocity: Annotated[_Triple | None, key("ω of the frame, in its axes", "rad/s")] = None
     momentum: Annotated[_Triple | None, key("M in frame axes", "kg m²/s")] = None
     momentum_world: Annotated[_Triple | None, key("M in world axes", "kg m²/s")] = None
-    rest: Annotated[bool, key("`true` is M = 0; hinges that turn then turn the ball too")] = False
+    rest: Annotated[bool, key("`true`: M = 0, and hinges that turn also turn the ball")] = False
     section: Annotated[_SectionTable | None, key("the paper's section coordinates")] = None
     slip: Annotated[
         tuple[float, float],
-        key("velocity of the shell's point at the contact, along X and Y; needs friction", "m/s"),
+        key("velocity of the shell at the contact, along X and Y; needs friction", "m/s"),
     ] = (0.0, 0.0)
     spin: Annotated[
-        float, key("rubber: the shell's spin about the vertical; needs friction", "rad/s")
+        float, key("rubber: spin of the shell about the vertical; needs friction", "rad/s")
     ] = 0.0
 
 
@@ -514,18 +514,16 @@ class SceneTable(Table, frozen=True, kw_only=True):
     duration: Annotated[float, key("duration of the motion", "s")]
     gravity: Annotated[float, key("acceleration of free fall", "m/s²")] = GRAVITY
     gravity_direction: Annotated[
-        _Triple, key("of any length; `[tan(slope), 0, -1]` is a plane that goes down towards X")
+        _Triple, key("of any length; `[tan(slope), 0, -1]` slopes down towards X")
     ] = DOWN
-    friction: Annotated[FrictionTable, key("friction of the plane, see Friction")] = FrictionTable()
-    plane: Annotated[PlaneTable, key("motion of the plane, see Plane")] = PlaneTable()
-    shell: Annotated[ShellTable | None, key("the sphere that rolls, see Shell")] = None
-    frame: Annotated[FrameTable | None, key("the body that turns in the shell, see Frame")] = None
-    rotor: Annotated[tuple[RotorTable, ...], key("`[[rotor]]`, any number of them, see Rotor")] = ()
-    pendulum: Annotated[
-        tuple[PendulumTable, ...], key("`[[pendulum]]`, any number of them, see Pendulum")
-    ] = ()
-    numbers: Annotated[_NumbersTable | None, key("in place of bodies, see Numbers")] = None
-    start: Annotated[StartTable, key("initial state, see Start")]
+    friction: Annotated[FrictionTable, key("friction of the plane")] = FrictionTable()
+    plane: Annotated[PlaneTable, key("motion of the plane")] = PlaneTable()
+    shell: Annotated[ShellTable | None, key("the sphere that rolls")] = None
+    frame: Annotated[FrameTable | None, key("the body that turns in the shell")] = None
+    rotor: Annotated[tuple[RotorTable, ...], key("`[[rotor]]`, any number of them")] = ()
+    pendulum: Annotated[tuple[PendulumTable, ...], key("`[[pendulum]]`, any number of them")] = ()
+    numbers: Annotated[_NumbersTable | None, key("instead of bodies")] = None
+    start: Annotated[StartTable, key("initial state")]
 
 
 class Number(NamedTuple):

@@ -153,10 +153,10 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
     [0.0, 1.5, 3.0]
     """
 
-    final: Annotated[float, key("the value from `end` on", COMMAND)]
-    end: Annotated[float, key("when the ramp ends", "s")]
-    initial: Annotated[float, key("the value until `start`", COMMAND)] = 0.0
-    start: Annotated[float, key("when the ramp starts", "s")] = 0.0
+    final: Annotated[float, key("value from `end` on", COMMAND)]
+    end: Annotated[float, key("end of the ramp", "s")]
+    initial: Annotated[float, key("value until `start`", COMMAND)] = 0.0
+    start: Annotated[float, key("start of the ramp", "s")] = 0.0
     shape: Annotated[
         Literal["linear", "smooth", "quintic"],
         key("`linear`, `smooth` (continuous slope) or `quintic` (continuous second derivative)"),

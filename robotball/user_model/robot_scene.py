@@ -43,14 +43,14 @@ DURATION = 10.0  # s, of a scene from a file, unless its table or its samples en
 class RobotTable(Table, frozen=True, kw_only=True):
     """The table of a scene file that names a robot file."""
 
-    robot: Annotated[str, key("the robot's MJCF or URDF file, relative to the scene's folder")]
+    robot: Annotated[str, key("MJCF or URDF file, relative to the folder of the scene")]
     title: Annotated[str | None, key("one line, for tables and plots")] = None
     rolling: Annotated[Rolling | None, key("`rubber` or `classical`; else from the condim")] = None
     shell: Annotated[str | None, key("the body or geom that rolls, if several could")] = None
-    keyframe: Annotated[str | None, key("the keyframe to start at; else the first")] = None
-    duration: Annotated[float | None, key("else 10, or as long as samples last", "s")] = None
+    keyframe: Annotated[str | None, key("initial keyframe; else the first")] = None
+    duration: Annotated[float | None, key("default: 10, or the length of samples", "s")] = None
     controls: Annotated[
-        dict[str, Command] | None, key("`[controls]`, by actuator, in place of the keyframe's")
+        dict[str, Command] | None, key("`[controls]`, by actuator, instead of the keyframe's")
     ] = None
 
 

@@ -47,7 +47,7 @@ def _rows(names: str) -> Iterator[str]:
             optional = tuple(key for key in kind.allowed if key not in kind.needed)
             yield f"| `{drive}` | {_DRIVES[drive]} | {_codes(kind.needed)} | {_codes(optional)} |"
         return
-    owners = dict[tuple[str, str, str, str], list[str]]()
+    owners = dict[tuple[str, ...], list[str]]()
     for name in names.split():
         table = _documented(name)
         # The keys of a hinge have a table of their own.

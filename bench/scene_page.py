@@ -37,8 +37,8 @@ def _rows(names: str) -> Iterator[str]:
         cells = [f"| `{material}` | {density:g} " for material, density in DENSITIES.items()]
         rows = len(cells) // 3
         yield from ("| `material` | density [kg/m³] " * 3 + "|", "|---|---" * 3 + "|")
-        for row in zip(cells[:rows], cells[rows:-rows], cells[-rows:], strict=True):
-            yield "".join(row) + "|"
+        for triple in zip(cells[:rows], cells[rows:-rows], cells[-rows:], strict=True):
+            yield "".join(triple) + "|"
         return
     if names == "drives":
         yield "| `drive` | torque, up to `torque_limit` | required keys | optional keys |"

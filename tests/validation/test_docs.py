@@ -21,7 +21,6 @@ from robotball.dynamics.straight_motions import stability_limit
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import percent
 from robotball.motion import path_error
-from robotball.scene_files.scene_file import read_scene
 from tests.conftest import Robotball
 from tests.imports import PROJECT
 from tests.random_balls import ball_of_points
@@ -273,24 +272,6 @@ def test_printed_python_runs(
     rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.4)).save("run.csv")
     exec(text, {})
     assert output in ("", capsys.readouterr().out)
-
-
-def test_the_robot_of_the_data_sheet_has_the_printed_numbers() -> None:
-    """Path, error, loads and speed agree to the digits shown, also after a jump of the supply."""
-    page, text = PAGES["datasheet.md"], DOCS["datasheet.md"].split("```")[1].removeprefix("toml")
-    jump = re.sub("(?m)^supply = .*$", "supply = -1.0", text)
-    scene, jumping = (read_scene(Path("my_robot.toml"), toml) for toml in (text, jump))
-    agreement, turned = compare(scene), rb.integrate(jumping)
-    theory, error = agreement.theory, agreement.path_error
-    (shown,) = re.findall(rf"off by (\S+) of its {theory.path_length:.1f} m", page)
-    assert agreement.agrees
-    assert error == pytest.approx(float(shown), rel=0.7)
-    torque, power = np.abs(theory.loads.motor_torques).max(), np.abs(theory.motor_powers).max()
-    assert f"up to {torque:.2f} N m and {power:.1f} W" in page
-    assert f"a friction coefficient of {theory.loads.sliding_friction.max():.2f}." in page
-    assert f"needs no torque: {0.15 * abs(theory.hinge_rates[-1, 0]):.2f} m/s" in page
-    assert turned.gamma[:, 2].min() < -0.9
-    assert f"must give {turned.loads.sliding_friction.max():.2f}. Make" in page
 
 
 def test_missing_and_extra_keys_of_docs_json_are_named() -> None:

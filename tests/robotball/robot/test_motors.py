@@ -88,8 +88,8 @@ def test_the_documented_gains_of_a_dynamixel_follow_from_its_registers() -> None
 
     kp = 18.88 N m/rad and kd = 0.851 N m s/rad, rounded in the docs.
     """
-    page = (PROJECT / "docs" / "datasheet.md").read_text(encoding="utf-8")
-    kp, kd = (float(re.findall(rf"^{key} = (\S+)", page, re.M)[0]) for key in ("kp", "kd"))
+    page = (PROJECT / "docs" / "tutorials" / "data_sheet.md").read_text(encoding="utf-8")
+    kp, kd = (float(re.findall(rf"`{key} = (\S+)`", page)[0]) for key in ("kp", "kd"))
     step = 2 * np.pi / 4096
     assert kp * step == pytest.approx(4.1 * 800 / 128 / 885, rel=2e-3)
     assert kd * (46 * np.pi / 30) == pytest.approx(4.1, rel=2e-3)

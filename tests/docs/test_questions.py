@@ -11,7 +11,7 @@ from tests.imports import PROJECT
 
 PAGES = {
     name: (PROJECT / "docs" / f"{name}.md").read_text(encoding="utf-8")
-    for name in ("check", "controllers", "questions", "trajectories")
+    for name in ("check", "controllers", "fitting", "questions", "trajectories")
 }
 SHOWN = [
     (name, command, answer)

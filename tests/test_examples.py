@@ -116,8 +116,8 @@ def differences(cell: Json, text: str) -> list[str]:
     return [f"{one}, now {other}" for one, other in pairs if not near(one, other, tags)]
 
 
-# `make test-studies` runs the other four.
-QUICK = ("data_sheet", "first_ten_minutes")
+# `make test-studies` runs the other three.
+QUICK = ("attractor", "data_sheet", "first_ten_minutes")
 
 
 @pytest.mark.slow
@@ -179,6 +179,13 @@ def test_a_tutorial_notices_another_motion(folder: Path) -> None:
     pairs = zip(cells, map(printed, outputs), strict=True)
     by_cell = [differences(cell, text) for cell, text in pairs]
     assert [i for i, texts in enumerate(by_cell) if texts] == [len(cells) - 1]
+
+
+def test_the_researchers_script_has_20_lines() -> None:
+    """The title of its tutorial says so."""
+    title, script = read("attractor")["cells"][0]["source"][0], code_cells(read("attractor"))[0]
+    assert "in 20 lines of Python" in title
+    assert len(script["source"]) <= 20
 
 
 def test_the_test_in_the_tutorial_is_the_example_and_its_workflow_runs_it() -> None:

@@ -16,6 +16,7 @@ from itertools import groupby, islice
 from operator import itemgetter
 from pathlib import Path
 from shutil import which
+from textwrap import wrap
 from typing import Any
 
 from PIL import Image
@@ -49,8 +50,11 @@ _FILMED, _SHOWN = 3.2, 3.0  # s, length of the README's film and the time of its
 NUMBERS = _DOCS / "numbers.json"
 _HEAD = """# Gallery
 
-Every kind of picture that the program makes, and the command that makes it. `make gallery` makes
-all of them again, in hours; `python -m bench.gallery history examples` those named."""
+Each picture has its caption below it, and then the command that makes it. `bench.gallery` makes the
+pictures again: of commands that begin with one of its arguments, or all, in hours.
+
+    .venv/bin/python -m bench.gallery "dynamics section" examples/paper/fig10"""
+_UNBREAKABLE = "\N{NO-BREAK SPACE}"
 ENGINES = r"\| engine, preset \| step or rtol \|.*?(?=\n\n)"
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
 _LAWS = r"\* `rotation`: .*?(?=\n\n)"
@@ -112,13 +116,17 @@ def demo_table(records: Iterable[Mapping[str, Any]]) -> str:
 
 
 def gallery_page() -> str:
-    """Return docs/gallery.md: every picture with its caption and its command."""
-    parts = [_HEAD]
-    for row in PICTURES:
-        parts += [f"## {row['part']}"] if "part" in row else []
-        parts += [f"![{row['words']}]({row['shown']})", row["words"]]
-        parts += [f"    {shell_command(row['command'])}"]
-    return "\n\n".join(parts) + "\n"
+    """Return docs/gallery.md: the pictures of each command, with their captions."""
+    lines = [_HEAD]
+    for command, rows in groupby(PICTURES, itemgetter("command")):
+        first, *others = rows
+        if "part" in first:
+            lines += ["", f"## {first['part']}", ""]
+        captions = (f"![]({row['shown']}) {row['words']}" for row in (first, *others))
+        code = f"`{shell_command(command)}`".replace(" ", _UNBREAKABLE)
+        text = f"* {' '.join(captions)} {code}"
+        lines += wrap(text, 120, subsequent_indent="  ", break_on_hyphens=False)
+    return "\n".join(lines).replace(_UNBREAKABLE, " ") + "\n"
 
 
 def _put(made: Path, shown: Path) -> None:

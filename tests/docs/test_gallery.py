@@ -15,7 +15,7 @@ def test_the_gallery_is_generated_from_gallery_toml() -> None:
 
 
 def test_the_gallery_has_every_picture_of_the_docs_once() -> None:
-    """Each has a caption that serves as its text alternative."""
+    """Each has a caption."""
     shown = [row["shown"] for row in PICTURES]
     assert sorted(shown) == sorted(path.name for path in DOCS.glob("*.png"))
     assert all(row["words"].endswith(".") for row in PICTURES)

@@ -2,9 +2,11 @@
 
 import re
 import runpy
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -13,9 +15,11 @@ LINES = 60  # of a script, at most
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Run the scripts in an empty folder; they also set the font size of later figures."""
     monkeypatch.chdir(tmp_path)
-    return tmp_path
+    with matplotlib.rc_context():
+        yield
 
 
 def drawn(script: str, *arguments: Any, picture: str = "") -> dict[str, float]:

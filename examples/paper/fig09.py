@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 
 import robotball as rb
@@ -31,6 +32,7 @@ def growth_rate(K1: float, K2: float, f: float = 1.0) -> float:
 
 def main(count: int = 60) -> dict[str, float]:
     """Draw a grid of count x count values of K; return the growth rates at Fig. 10's K [1/s]."""
+    rcParams.update({"font.size": 12, "figure.titlesize": 15})
     side = np.linspace(-SIDE, SIDE, count)
     rates = np.array([[growth_rate(K1, K2) for K1 in side] for K2 in side])
     figure = Figure((7, 6.5), layout="constrained")
@@ -47,7 +49,7 @@ def main(count: int = 60) -> dict[str, float]:
         axes.plot(K1, K2, "ko")
         axes.text(K1 - 0.1, K2, f"Fig. 10, f = {f:g}", ha="right")
     axes.set(xlabel="K₁/√f", ylabel="K₂/√f", aspect="equal")
-    axes.set_title(f"A = diag{BALL.A}, Ω = {BALL.Omega}, K = (K₁, K₂, 0)")
+    axes.set_title("The line of Fig. 10 is stable at f = 2, but not at f = 3")
     OUT.parent.mkdir(exist_ok=True)
     figure.savefig(OUT)
     return {f"f = {f:g}": growth_rate(*BALL.K[:2], f) for f in (2.0, 3.0)}

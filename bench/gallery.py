@@ -50,8 +50,8 @@ _FILMED, _SHOWN = 3.2, 3.0  # s, length of the README's film and the time of its
 NUMBERS = _DOCS / "numbers.json"
 _HEAD = """# Gallery
 
-Each picture has its caption below it, and then the command that makes it. `bench.gallery` makes the
-pictures again: of commands that begin with one of its arguments, or all, in hours.
+Above each picture are its caption and the command that makes it. `bench.gallery` makes the pictures
+again: of commands that begin with one of its arguments, or all, in hours.
 
     .venv/bin/python -m bench.gallery "dynamics section" examples/paper/fig10"""
 _UNBREAKABLE = "\N{NO-BREAK SPACE}"
@@ -122,9 +122,9 @@ def gallery_page() -> str:
         first, *others = rows
         if "part" in first:
             lines += ["", f"## {first['part']}", ""]
-        captions = (f"![]({row['shown']}) {row['words']}" for row in (first, *others))
         code = f"`{shell_command(command)}`".replace(" ", _UNBREAKABLE)
-        text = f"* {' '.join(captions)} {code}"
+        text = f"* {first['words']} {code} ![]({first['shown']})"
+        text += "".join(f" {row['words']} ![]({row['shown']})" for row in others)
         lines += wrap(text, 120, subsequent_indent="  ", break_on_hyphens=False)
     return "\n".join(lines).replace(_UNBREAKABLE, " ") + "\n"
 

@@ -22,13 +22,13 @@ from typing import Any
 from PIL import Image
 
 from bench.random_runs import measure_detection
-from robotball import PRESETS, FaultKind, sample_times
+from robotball import FaultKind, sample_times
 from robotball.engines.mujoco.settings import FIRST_ORDER
 from robotball.files.replacing import replacing
 from robotball.view.render import Film, frames
 from validation.agreement import compare
 from validation.comparing import motions_of, note_of
-from validation.output import scientific, write_text
+from validation.output import write_text
 from validation.studies.engine_study import python_text
 from validation.studies.extremes import LAWS, Outcome
 
@@ -56,7 +56,6 @@ again: of commands that begin with one of its arguments, or all, in hours.
     .venv/bin/python -m bench.gallery "dynamics section" examples/paper/fig10"""
 _UNBREAKABLE = "\N{NO-BREAK SPACE}"
 ENGINES = r"\| engine, preset \| step or rtol \|.*?(?=\n\n)"
-_TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
 _LAWS = r"\* `rotation`: .*?(?=\n\n)"
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
@@ -94,25 +93,7 @@ def _main(*only: str) -> None:
         _write_numbers("random", {**counts["extreme"], "false_alarms": len(counts["false_alarms"])})
     if wanted("film"):
         _write_frame(_DOCS / "fig12.png")
-    if wanted("demo"):
-        file, command = _OUT / "demo.json", "compare fig12 classical_regular --no-plots"
-        _run(command, "--preset", ",".join(PRESETS), "--json", str(file))
-        _replace(_DOCS / "settings.md", _TABLE, demo_table(_read(file)))
     write_text(_DOCS / "gallery.md", gallery_page())
-
-
-def demo_table(records: Iterable[Mapping[str, Any]]) -> str:
-    """Return the table of comparisons in docs/settings.md."""
-    lines = [
-        "| scene | preset | step | path error | γ error | momentum error | × real time | verdict |",
-        "|---|---|---:|---:|---:|---:|---:|---|",
-    ]
-    for row in records:
-        errors = (scientific(row[name]) for name in ("path_error", "gamma_error", "momentum_error"))
-        step, speed = f"{row['timestep'] * 1e3:.3g} ms", f"{row['realtime_factor']:.0f}"
-        cells = (row["scene"], row["preset"], step, *errors, speed, row["verdict"])
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
 
 
 def gallery_page() -> str:

@@ -94,6 +94,15 @@ def test_the_page_has_the_law_of_each_limit() -> None:
     assert f"\n\n{law_list()}\n\n" in DOCS["extremes.md"]
 
 
+def test_the_method_has_the_remedy_and_the_law_of_each_fault() -> None:
+    """A row has the longest fixed part of the sentence that the user reads."""
+    rows = DOCS["method.md"].partition("| fault |")[2].partition("\n\n")[0]
+    for kind in rb.FaultKind:
+        part = max(re.split(r"\{.*?\}", kind.value), key=len)
+        assert part.removeprefix("'s").strip(" (") in rows, kind
+    assert {*re.findall(r"`(\w+)`", rows)} <= LAWS.keys()
+
+
 def test_the_studies_are_those_of_today() -> None:
     """Numbers of configurations and cells agree with the program, and statements in words hold."""
     assert len(configurations()) == COST["configurations"]

@@ -256,7 +256,7 @@ Law = Callable[[PlannedRun], LimitCheck | None]
 
 
 def rotation(plan: PlannedRun) -> LimitCheck | None:
-    """Require r·dt < 2.8 of RK4, with r the rate of the fastest rotation.
+    """Require r·dt < 2.8 for RK4, with the rate r of the fastest rotation.
 
     On dy/dt = i r y a step multiplies by R(iθ) = 1 + iθ - θ²/2 - iθ³/6 + θ⁴/24, θ = r dt, and
     |R|² = 1 - θ⁶/72 + θ⁸/576 exceeds 1 from θ = √8 on. Beyond, the motion diverges; well before, M
@@ -277,7 +277,7 @@ def rotation(plan: PlannedRun) -> LimitCheck | None:
 
 
 def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
-    """Predict how much of M fixed steps lose or gain, a part of (r·dt)ᵖ in each.
+    """Predict the loss or gain of M in fixed steps, which is proportional to (r·dt)ᵖ per step.
 
     MuJoCo gives no warning of it. Per step Euler multiplies a rotation by |1 + iθ| = 1 + θ²/2, so
     |M| grows as exp(r² dt t/2). Discrete and implicitfast leave the gyroscopic forces explicit and
@@ -305,7 +305,7 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
 
 
 def friction_damping(plan: PlannedRun) -> LimitCheck | None:
-    """Require b·dt < 2.785 of RK4, 2 of Euler and the implicit ones, b the damping of slip.
+    """Require b·dt < 2.785 for RK4, and 2 for Euler and the implicit integrators.
 
     Slip follows dv/dt = -b v. RK4's R(-z) = 1 - z + z²/2 - z³/6 + z⁴/24 is 1 at z = 2.785. Euler
     and the implicit integrators use the contact force at the start of the step, v → v(1 - b dt).
@@ -355,7 +355,7 @@ def contact_spring(plan: PlannedRun) -> LimitCheck | None:
 
 
 def raised_solref(plan: PlannedRun) -> LimitCheck | None:
-    """Require a contact's time constant of two steps, to which MuJoCo would raise it in silence.
+    """Require a time constant of the contact of two steps; MuJoCo silently raises a smaller one.
 
     MuJoCo's flag refsafe does so, and a sweep of the timestep would change the contact as well.
     """
@@ -372,7 +372,7 @@ def raised_solref(plan: PlannedRun) -> LimitCheck | None:
 
 
 def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
-    """Require μ ≥ |F|/N, with the horizontal force F that the motion by (2.4) needs of the plane.
+    """Require μ ≥ |F|/N, with the horizontal force F that the motion by (2.4) needs.
 
     If only the loads of the start are known, a demand that grows later is not predicted.
     """
@@ -415,7 +415,7 @@ def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
 
 
 def friction_block(plan: PlannedRun) -> LimitCheck | None:
-    """Require det(D A D) ≥ 1e-10, below which PGS and noslip leave friction out in silence.
+    """Require det(D A D) ≥ 1e-10; below, PGS and noslip silently leave friction out.
 
     Both solve the block of the friction rows in an elliptic cone: D A D, with A the inverse inertia
     that the rows feel and D their coefficients. PGS adds their softness, (1 - d)/d A_nn μ²/impratio
@@ -462,7 +462,7 @@ def inverse_inertia(plan: PlannedRun) -> Array:
 
 
 def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
-    """Require that the solver's tolerance times the armatures is below the gradient m g d/(1 - d).
+    """Require that the solver's tolerance times the armatures is below m g d/(1 - d).
 
     Otherwise a solver stops before its first iteration. Newton stops if the gradient over the sum
     of the inertias, armatures included, is below the tolerance, and without a force the gradient is
@@ -484,7 +484,7 @@ def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
 
 
 def largest_number(plan: PlannedRun) -> LimitCheck | None:
-    """Require coordinates, rates and controls up to 1e10; MuJoCo takes more for a bad state.
+    """Require coordinates, rates and controls up to 1e10; MuJoCo rejects larger ones as bad.
 
     They are the path at the speed of the start, the angles of the hinges, and the controls of the
     actuators.
@@ -501,7 +501,7 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
 
 
 def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the rate ∫τ dt/armature that a hinge kept by its armature loses under its load τ.
+    """Predict the rate ∫τ dt/armature that a load τ takes from a hinge with a large armature.
 
     Measured to three digits on six scenes with masses of 1e5 and 1e6 times their own. The relative
     path error is 0.1 to 40 times as much. The loads of the start, which may be zero before a ramp,

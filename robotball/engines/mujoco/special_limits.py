@@ -54,7 +54,7 @@ COST_MODEL = _CostModel()
 
 
 def low_weight(plan: PlannedRun) -> LimitCheck | None:
-    """Predict RK4's path error (r·dt)⁶ in 10 s, r the rate of a low weight at its lowest point.
+    """Predict RK4's path error (r·dt)⁶ in 10 s, with the rate r of a weight at its lowest point.
 
     There the inertia I about the contact is least; at an angle ψ it is I + a|S|ψ², with S = Σ m r.
     With the energy E above rest, the ball turns at √(2E/I) through the angle √(I/a|S|) in which I
@@ -82,7 +82,7 @@ def low_weight(plan: PlannedRun) -> LimitCheck | None:
 
 
 def servo_gain(plan: PlannedRun) -> LimitCheck | None:
-    """Require kv·dt/j < 2.785 of RK4, 2 of Euler and discrete, kv/j a servo's gain over inertia.
+    """Require kv·dt/j < 2.785 for RK4, and 2 for Euler and discrete; kv/j is gain over inertia.
 
     The implicit integrators have no limit. A velocity servo is a damper, and j the inertia that it
     feels with the ball rolling. kv/j is the plan's `servo_rate`, the size of a complex rate with
@@ -102,7 +102,7 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
 
 
 def late_friction(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the error of friction that is against the slip after the time 1/b.
+    """Predict the error of friction that is opposite to the slip at a time 1/b later.
 
     The friction row's force in a slip is against a + b v, with the slip v, its acceleration a and
     the damping b. So the velocity of the ball is off by Δf/(b m), with Δf the change of the
@@ -128,7 +128,7 @@ def late_friction(plan: PlannedRun) -> LimitCheck | None:
 
 
 def lifted(plan: PlannedRun) -> LimitCheck | None:
-    """Require d·b·|Wv| < g for a start with the slip v, or the cone lifts the ball off.
+    """Require d·b·|Wv| < g for a start with the slip v; otherwise the cone lifts the ball off.
 
     The normal row sees the slip times the coefficients W, with the damping b of friction and the
     impedance d. Measured with spheres that slide or spin: in contact at 0.95 of the limit, and off
@@ -148,7 +148,7 @@ def lifted(plan: PlannedRun) -> LimitCheck | None:
 
 
 def raised_friction(plan: PlannedRun) -> LimitCheck | None:
-    """Require friction coefficients of 1e-5, to which MuJoCo raises smaller ones in silence."""
+    """Require friction coefficients of 1e-5; MuJoCo silently raises smaller ones."""
     value, limit = min(plan.friction[: plan.condim // 2]), mujoco.mjMINMU
     warning = (
         f"MuJoCo will raise a coefficient of friction from {value:.4g} to {limit:g} without a "
@@ -158,7 +158,7 @@ def raised_friction(plan: PlannedRun) -> LimitCheck | None:
 
 
 def friction_row(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the part 2F/(b M) of M by which MuJoCo's soft row delays a dry friction F.
+    """Predict the part 2F/(b M) of M that is lost, as MuJoCo's soft row delays a dry friction F.
 
     A row of damping b acts against a + b v in place of the rate v, with a the acceleration without
     it. So it pushes along v for the time 1/b before a load reverses v. Steps of first order have
@@ -176,7 +176,7 @@ def friction_row(plan: PlannedRun) -> LimitCheck | None:
 
 
 def friction_parts(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the time that steps of 2/λ take, with λ the rate at which dry friction stops a hinge.
+    """Predict the time that steps of 2/λ take, if dry friction stops a hinge at the rate λ.
 
     It is an upper limit, because λ is F/(I SLOW) below SLOW only, and hinges that turn take long
     steps.
@@ -201,7 +201,7 @@ def _dry_friction(plan: PlannedRun) -> float:
 
 
 def drive_seen(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the error of a drive's rate, of which a step sees the values at its stages alone.
+    """Predict the error of a drive's rate that is due to its values between the stages of a step.
 
     It is the error of the mean rate over a step: for slow drives of the step's order, Simpson's for
     RK4, and the size of the drive itself if its period is no longer than the step. The rates at the
@@ -227,7 +227,7 @@ def drive_seen(plan: PlannedRun) -> LimitCheck | None:
 
 
 def servo_droop(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the error τ/kv of a velocity servo's rate under its load, relative to the rate.
+    """Predict the relative error of a velocity servo's rate, τ/kv under the load τ.
 
     Measured 0.75 to 0.99 of that, if it is small.
     """
@@ -243,7 +243,7 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
 
 
 def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
-    """Require condim 4 for rubber, which has the torsional row; with 3 the ball is classical."""
+    """Require condim 4, with its torsional row, for rubber; with 3 the ball is classical."""
     if plan.scene.rolling != "rubber" or plan.settings.condim is None:
         return None
     warning = (
@@ -272,7 +272,7 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
 
 
 def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip |a (ω×Ω)×γ|/(b v) over the speed, of a model whose root is the frame.
+    """Predict the slip |a (ω×Ω)×γ|/(b v) over the speed, of a model with the frame as its root.
 
     MuJoCo leaves the J̇v term out of its contact rows, which is a(ω×Ω)×γ if the shell hangs on a
     hinge. Friction that reduces slip at the rate b leaves this slip. M stays constant, so it does
@@ -304,7 +304,7 @@ def turning_plane(plan: PlannedRun) -> LimitCheck | None:
 
 
 def creep(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip (1 - d)/d α/(b v) over the speed, by which soft friction carries its load.
+    """Predict the slip (1 - d)/d α/(b v) over the speed, with which soft friction carries its load.
 
     The noslip solver removes it. A row of impedance d gives its force with a deviation of
     (1 - d)/d of the acceleration α that the force makes: divided by impratio in an elliptic cone,
@@ -337,7 +337,7 @@ def _slip(plan: PlannedRun, acceleration: float) -> float:
 
 
 def start_depth(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the lever arm's error g (1 - d)/(d² k) over the radius, of a start just touching.
+    """Predict the lever arm's error g (1 - d)/(d² k) over the radius, if the start just touches.
 
     Half of it is in the path. The contact carries the weight at the depth p = g (1 - d)/(d² k),
     into which the ball falls. A start in equilibrium has this depth as the margin of the pair, and
@@ -351,7 +351,7 @@ def start_depth(plan: PlannedRun) -> LimitCheck | None:
 
 
 def first_step(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip α dt over the speed of M, which a start just touching begins with.
+    """Predict the slip α dt over the speed of M, with which a start that just touches begins.
 
     MuJoCo finds no contact at depth zero, so for one step the contact point has the acceleration
     that friction should have taken from it, and slip dies out slowly. Measured 0.38 to 0.56 of it

@@ -63,15 +63,15 @@ def test_a_script_is_short_and_says_how_it_is_run(name: str) -> None:
 # Tutorials
 
 
-def test_only_one_tutorial_needs_the_checkout() -> None:
-    """The others read no file of it and do not import `validation`, which a wheel renames."""
+def test_no_tutorial_needs_the_checkout() -> None:
+    """They read no file of it and do not import `validation`, which a wheel renames."""
     needs = [
         (name, use)
         for name in NOTEBOOKS
         for cell in code_cells(read(name))
         for use in re.findall(r"examples/|from validation", "".join(cell["source"]))
     ]
-    assert needs == [("settings", "examples/")]
+    assert needs == []
 
 
 NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]\d+)?"

@@ -42,7 +42,7 @@ GROUPS = {
 # Commands of two words: the help of the first word, and the second words.
 FAMILIES = {
     "study": (
-        "Study an engine's settings: what each is worth, what accuracy costs, where they fail.",
+        "Study an engine's settings: the effect of each, the cost of accuracy, the limits.",
         "studies:ablation studies:cones studies:convergence studies:cost studies:extremes",
     ),
     "dynamics": (
@@ -61,8 +61,8 @@ _KINDS = {float: "a number", int: "a whole number"}
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
-    # A command loads a million objects, few of them garbage. Rare collections, and none at the end,
-    # save half a second.
+    # A command loads a million objects, and few are garbage. Rare collections, without one at the
+    # end, save half a second.
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
     # The monitor of a run reports the warnings that MuJoCo would log.
@@ -165,13 +165,13 @@ def _words_of(error: CycloptsError) -> str:
         case CoercionError(token=token, target_type=kind) if token and kind in _KINDS:
             return f"{token.keyword} takes {_KINDS[kind]}, not {token.value!r}"
         case MissingArgumentError(argument=argument, keyword=None) if argument:
-            return f"{command} needs {argument.name}; {more} says what it is"
+            return f"{command} needs {argument.name}; {more} explains it"
         case MissingArgumentError(keyword=option):
             return f"{option} needs a value; {more} says which"
         case RepeatArgumentError(token=token):
             return f"{token.keyword} is given more than once; give it once"
         case UnusedCliTokensError(unused_tokens=[first, *_]):
-            return f"{command} does not take {first!r}; {more} says what it takes"
+            return f"{command} does not take {first!r}; {more} lists its options"
         case UnknownCommandError(unused_tokens=[name, *_], app=app) if app:
             for family, (_, members) in FAMILIES.items():
                 if any(member.endswith(f":{name}") for member in members.split()):

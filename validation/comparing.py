@@ -104,9 +104,9 @@ def agreements_of(
 
 
 def film(path: Path, motions: Sequence[Motion], **options: Any) -> None:
-    """Film motions of a scene at `path`; the last is the equations'.
+    """Film motions of a scene at `path`; the last one is the reference motion.
 
-    `options` are those of `robotball.film`. Raises InputError as `robotball.film` does.
+    `options` are passed to `robotball.film`. Raises InputError if it does.
     """
     from robotball.view import render  # an encoder and a GL, which only a film needs
 
@@ -118,7 +118,7 @@ def film(path: Path, motions: Sequence[Motion], **options: Any) -> None:
 
 
 def note_of(agreements: Sequence[Agreement]) -> str:
-    """Return what the friction of the engine's settings alone does, as a note for a film."""
+    """Return the effect of the settings' friction on the path, for a note in a film."""
     slips = [run.slip for run in agreements if run.slip and run.slip.of_settings]
     shares = [slip.by_friction for slip in slips if slip.by_friction is not None]
     return f"too little friction alone changes the path by {percent(max(shares))}" if shares else ""

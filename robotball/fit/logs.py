@@ -133,7 +133,7 @@ def read_log(
         The robot, for the names of its hinges: a scene, a catalog name, or the path of a TOML, MJCF
         or URDF file.
     names : mapping of str to str, optional
-        Our names of columns by their titles in the file, or the ends of these, such as
+        The name of each column, with its title in the file or the end of it as key, such as
         {"roll_joint.position": "frame_angle [deg]"}.
 
     Returns
@@ -229,7 +229,7 @@ def _check_unit(
     if other == "g" and 0.5 < np.median(np.linalg.norm(values, axis=0)) < 1.5 < scene.gravity:
         for name in names:
             found.columns[name] = found.columns[name] * _G
-        return [f"{', '.join(names)}: converted from g, as the readings are about 1"]
+        return [f"{', '.join(names)}: converted from g, because the readings are about 1"]
     axes = np.abs(values).max(axis=1)
     if (largest := float(axes.max())) <= most:
         return []
@@ -237,8 +237,8 @@ def _check_unit(
     title = found.titles[name]
     raise InputError(
         f"{title} reaches {largest:g}, but sensors measure at most {most:g} {unit}: "
-        f"{'raw counts' if whole else 'another unit'}? Name the unit of each axis, as in --map "
-        f"'{title}={name} [{other}]', or the size of a count, as in '{title}={name} [0.01 {other}]'"
+        f"{'raw counts' if whole else 'another unit'}? Name the unit of each axis with --map "
+        f"'{title}={name} [{other}]', or the size of a count: '{title}={name} [0.01 {other}]'"
     )
 
 
@@ -249,7 +249,7 @@ def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
     if end / most > _SPARSEST * falls:
         raise InputError(
             f"{most} readings until t = {end:.6g} s are one per {end / most:.3g} s; at least one "
-            f"per {_SPARSEST * falls:.2g} s is needed; name the unit of the times, as in "
+            f"per {_SPARSEST * falls:.2g} s is needed; name the unit of the times with "
             "--map 't=t [ms]'"
         )
 

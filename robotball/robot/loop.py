@@ -40,7 +40,7 @@ class Loop:
     scene : Scene
         The scene with the held commands; pass this one to the engine.
     calls : list of dict
-        The readings and commands of the calls so far, by name as in `Motion.calls`.
+        The readings and commands of the calls so far, in the form of `Motion.calls`.
     """
 
     def __init__(self, scene: Scene, controller: Controller) -> None:
@@ -125,7 +125,7 @@ class Loop:
         answer: Any = call_users(failure, self.function, reading, at=reading.time)
         if not isinstance(answer, Mapping):
             example = {next(iter(self.held)): 1.0}
-            line = f"must return commands by name, for example {example}, not {answer!r}"
+            line = f"must return a dict of commands, for example {example}, not {answer!r}"
             raise self._refused(f"{line} (t = {reading.time:g} s)")
         commands = {}
         for name, value in answer.items():

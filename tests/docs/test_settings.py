@@ -16,7 +16,7 @@ PAGE = (PROJECT / "docs" / "settings.md").read_text(encoding="utf-8")
 ROLLS, SLIDES = re.findall(r"```xml\n(.*?)```", PAGE, re.DOTALL)
 ROW = r"^\| ((?:as|with|without|the other|MuJoCo's) .*) \| (\S+ \| \S+) \|$"
 CHANGES = dict(re.findall(ROW, PAGE, re.M))
-# Parts inside the shell pass through it, as in the equations.
+# Parts inside the shell pass through it; the equations have no contact there.
 ROBOT = (PROJECT / "examples" / "first_robot.xml").read_text(encoding="utf-8")
 ROBOT = ROBOT.replace("<geom type", '<geom contype="0" conaffinity="0" type')
 SPHERE = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1" friction=".3"/>

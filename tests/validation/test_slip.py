@@ -49,7 +49,7 @@ def test_a_sliding_sphere_sticks_in_time() -> None:
 
 
 def test_a_spinning_sphere_stops_in_time() -> None:
-    """Measured 1.3e-6 rad at 1 ms; the sphere turns by 1.02 rad. The end of the spin gives 1e-6."""
+    """Measured 1.3e-6 rad at 1 ms of a rotation of 1.02 rad. The end of the spin causes 1e-6."""
     _, error = in_steps(SPINNING, 1e-3, 1.0)
     assert error < 2e-6
 
@@ -136,7 +136,7 @@ def test_a_servo_that_a_slipping_shell_cannot_hold_is_predicted() -> None:
 
 
 def test_the_distance_of_default_settings_is_split_into_friction_and_engine() -> None:
-    """fig12 over 2 s: friction 1 and 5 mm change the path by 0.42, MuJoCo is 0.28 off that path."""
+    """fig12 over 2 s: friction 1 and 5 mm change the path by 0.42, and MuJoCo errs by 0.28."""
     slip = compare("fig12", 2.0, settings="naive").slip
     assert slip is not None
     assert (slip.sliding, slip.torsional, slip.of_settings) == (1.0, 0.005, True)
@@ -148,7 +148,7 @@ def test_the_distance_of_default_settings_is_split_into_friction_and_engine() ->
 
 
 def test_a_film_of_default_settings_says_what_their_friction_does() -> None:
-    """Not of enough friction, nor of the scene's own, with which the equations' ball slips, too."""
+    """There is no note for enough friction, or for a scene's friction: the equations slip too."""
     naive, fast = (compare("fig12", 2.0, settings=name) for name in ("naive", "fast"))
     assert unnamed("friction 42~%", note_of([naive, fast])) == []
     assert note_of([fast]) == note_of([compare(regular(0.3), 1.0, settings="fast")]) == ""
@@ -157,8 +157,8 @@ def test_a_film_of_default_settings_says_what_their_friction_does() -> None:
     ]
 
 
-def test_a_scenes_own_friction_is_told_with_what_ideal_rolling_needs() -> None:
-    """The engine is compared with the ball that slips, so its path error is not told again."""
+def test_the_slip_of_a_scene_has_the_friction_that_ideal_rolling_needs() -> None:
+    """The engine is compared with the slipping ball, so the text omits its path error."""
     agreement = compare(regular(0.3), 3.0, settings="fast")
     slip = agreement.slip
     assert slip is not None

@@ -49,7 +49,7 @@ def low(friction: float) -> dict[str, str]:
 def test_a_struck_ball_slides_and_then_rolls_at_five_sevenths_of_its_speed(tmp_path: Path) -> None:
     """From t = 2|v|/(7μg) on; before, the mended ball stood still.
 
-    Measured: the default contact is off by 2.0e-3, and mended by 6.4e-4.
+    Measured errors: 2.0e-3 with the default contact, 6.4e-4 mended.
     """
     record = checked(tmp_path, "2 1 0 0 0 0", geom='friction=".2 .005 .0001"')
     seen = record.observation
@@ -85,7 +85,7 @@ def test_a_ball_that_starts_with_spin_slips_until_it_rolls(
 
 
 def test_a_ball_that_spins_in_place_stops_under_torsional_friction(tmp_path: Path) -> None:
-    """After (2/5) r² ω/(μ_t g), 0.41 s. By default it spins on: off by 1.2, and mended by 6e-4."""
+    """After (2/5) r² ω/(μ_t g), 0.41 s. By default it spins on. Errors: 1.2, mended 6e-4."""
     record = checked(tmp_path, "0 0 0 0 0 5", geom='condim="4"')
     seen = record.observation
     stops = 0.4 * RADIUS**2 * 5.0 / (0.005 * G)
@@ -99,7 +99,7 @@ def test_a_ball_that_spins_in_place_stops_under_torsional_friction(tmp_path: Pat
 
 
 def test_a_ball_that_spins_in_place_without_torsional_friction_agrees(tmp_path: Path) -> None:
-    """Measured 2e-14; before there was no verdict."""
+    """Measured error 2e-14."""
     record = checked(tmp_path, "0 0 0 0 0 5", 0.5)
     assert record.agrees
     assert record.observation.theory.scene.rolling == "classical"
@@ -112,7 +112,7 @@ def test_a_ball_on_a_ramp_slides_if_its_friction_is_too_small(
 ) -> None:
     """At 30°, rolling needs 2/7 tan 30° = 0.165. The file agrees both ways: 1.1e-6 and 4e-4.
 
-    A sphere that slides loses contact by less than a hundredth of its radius, which is no flight.
+    A sliding sphere rises by less than a hundredth of its radius, which does not count as flight.
     """
     angle = np.radians(30.0)
     parts = low(friction) | {"option": STEADY}

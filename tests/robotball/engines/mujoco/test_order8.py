@@ -67,14 +67,14 @@ def test_controls_act_as_in_the_equations(control: str, bound: float) -> None:
 
 @pytest.mark.parametrize("control", ["torque limit", "rolling resistance"])
 def test_samples_inside_steps_change_no_step_and_are_as_accurate(control: str) -> None:
-    """At uneven times, of which some are nearly at the end of a step."""
+    """Sample at uneven times; some are nearly at the end of a step."""
     scene, times = scenes()[control], np.array([0.0, 0.05 - 1e-13, 0.07, 0.0701, 0.33, 0.9999, 1.0])
     settings = stepped(0.05)
     inside, ends = pair_of(scene, settings, times), pair_of(scene, settings, times[[0, -1]])
     assert inside.report.steps == ends.report.steps
     assert np.array_equal(inside.motion.contact_point[-1], ends.motion.contact_point[-1])
     errors = path_errors(inside.motion, inside.theory)
-    # Measured 3.4 times with the torque limit, where a switch is near: the interpolant's error.
+    # Measured 3.4 times with the torque limit, from the interpolation near a switch.
     assert errors.max() < 5 * errors[-1] + 1e-11
 
 
@@ -119,7 +119,7 @@ def test_the_models_own_timestep_is_not_the_step() -> None:
 
 
 def test_steps_are_shorter_for_fast_rotations_and_servos() -> None:
-    """With efficient they turn by 0.5 rad; a servo's rate times the step is 4 at most."""
+    """A rotation is 0.5 rad per step with efficient; a servo's rate times the step is at most 4."""
     fast, stiff = rb.load_scene("tilting_gyroscope"), rb.load_scene("servo_motors")
     plan = PlannedRun(fast, EFFICIENT, 1.0)
     assert plan.timestep * plan.rotation_rate == pytest.approx(0.5, rel=1e-3)
@@ -153,7 +153,7 @@ def test_a_ball_that_slips_keeps_rk4() -> None:
 
 
 def test_a_drive_is_clipped_at_breakpoints_alone() -> None:
-    """Not at samples, where its value would be 1e-9 s early."""
+    """At a sample it keeps its value; a clipped one would be 1e-9 s early."""
     scene = FIG12.with_hinges(command={"frame": rb.Ramp(final=1.0, start=0.5, end=1.0)})
     control = Control(build(scene, EXACT))
     control.span = (0.2, 0.4)

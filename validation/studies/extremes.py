@@ -1,38 +1,37 @@
 """Failure maps of the contact model: run each cell and compare it with the equations.
 
 The results count the outcomes and the missed failures, and locate the limits. The picture of a map
-has one panel per rolling model and integrator; integrators with equal cells share a panel. Greys
-and hatches show the outcomes, so no colour is needed. `extreme_maps.py` defines the maps.
+has one panel per rolling model and integrator. `extreme_maps.py` defines the maps.
 """
 
 import logging
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
-from itertools import compress, cycle
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 from rich.table import Table
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
-from robotball.engines.mujoco import LABEL, limits, special_limits
+from robotball.engines.mujoco import limits, special_limits
 from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import exceeded, limit_checks, run
 from robotball.engines.mujoco.settings import Resolved
-from robotball.robot.looks import ACCENT, INK
+from robotball.robot.looks import INK
 from robotball.rotations import Array
 
 from ..agreement import Agreement
 from ..options import AGREES, DISAGREES, Sweep, chosen
-from ..output import halo, known, write_record
+from ..output import halo, known, panels, write_record
 from ..study import Column, Row, Study, compiled_motion, show, table_of
 from ..sweeps import Result, rows_of
 from .extreme_maps import (
@@ -41,7 +40,6 @@ from .extreme_maps import (
     QUICK,
     TIMESTEP,
     WHOLE,
-    Map,
     cell_run,
     cells_of,
 )
@@ -55,30 +53,28 @@ _MOST_SAMPLES = 100  # times at which the two motions are compared
 _AMPLE = 3.0  # friction over the motion's demand
 # Limits of stability. Beyond them the state grows at every step until it overflows.
 _STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
-_WIDE, _PANEL, _LINE = 7.6, 3.0, 0.19  # inches: picture width, panel height, line of a legend
+_WIDE, _PANEL, _ABOVE = 9.0, 2.2, 1.5  # inches: picture width, panel height, title and legend
 _TICKS = 4  # ticks of an axis at most
-_ACROSS, _FEW = 3, 4  # panels in a row at most; up to _FEW panels stand in rows of two
+_ACROSS = 3  # panels in a row at most
 LAWS = {law.__name__: law for law in (*limits.LAWS, *special_limits.LAWS)}
 
 
 class Outcome(Enum):
-    """The outcome of a cell: its word in tables, its grey and hatch, and its sentence."""
+    """The outcome of a cell: its word in tables and its sentence."""
 
-    ACCURATE = ("accurate", 1.0, "", f"accurate: error at most {ACCURATE:g}")
-    DEGRADED = ("degraded", 0.9, "", f"degraded: error at most {WRONG:g}")
-    WRONG = ("wrong", 0.15, "", f"silently wrong: error above {WRONG:g}, contact and drives sound")
-    SLIPPED = ("slipped", 0.9, "////", "slipped: friction cone saturated, or slip along the path")
-    LOST_CONTACT = ("lost contact", 0.75, "....", "lost contact")
-    OFF_RATE = ("off rate", 0.9, "----", "a drive lost its rate")
-    DIVERGED = ("diverged", 0.55, "", "diverged and reported")
-    REFUSED = ("refused", 1.0, "xxxx", "refused before the run, with one line")
-    UNFINISHED = ("out of time", 1.0, "\\\\\\\\", "stopped at its limit of steps or time")
-    FAILED = ("failed", 0.15, "xxxx", "ended in an unexpected error")
+    ACCURATE = ("accurate", f"accurate: error at most {ACCURATE:g}")
+    DEGRADED = ("degraded", f"degraded: error at most {WRONG:g}")
+    WRONG = ("wrong", f"silently wrong: error above {WRONG:g}, contact and drives sound")
+    SLIPPED = ("slipped", "slipped: friction cone saturated, or slip along the path")
+    LOST_CONTACT = ("lost contact", "lost contact")
+    OFF_RATE = ("off rate", "a drive lost its rate")
+    DIVERGED = ("diverged", "diverged and reported")
+    REFUSED = ("refused", "refused before the run, with one line")
+    UNFINISHED = ("out of time", "stopped at its limit of steps or time")
+    FAILED = ("failed", "ended in an unexpected error")
 
-    def __init__(self, word: str, grey: float, hatch: str, sentence: str) -> None:
-        self.word = word
-        self.look: dict[str, Any] = {"fc": str(grey), "hatch": hatch, "ec": "0.5", "lw": 0.4}
-        self.sentence = sentence
+    def __init__(self, word: str, sentence: str) -> None:
+        self.word, self.sentence = word, sentence
 
 
 # All other kinds of fault leave no valid state.
@@ -350,125 +346,82 @@ _LIMIT_COLUMNS = (
 )
 
 
-_LIMIT_LINES = [
-    (colour, dashes)
-    for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
-    for colour in (ACCENT, LABEL.colour, INK)
-]
-_MARKS = {
-    "wrong, no warning and no fault": ("o", 10, "none"),
-    "wrong, no warning but a fault": (".", 7, INK),
-    "accurate, but with a warning or a fault": ("+", 6, INK),
+# Two blues apart in lightness and a red: distinct for colour-blind readers, and in print.
+_COLOURS = {
+    f"right: error at most {ERROR_TOLERANCE:g}": "#A6D0EA",
+    "wrong, with a fault": "#F0B040",
+    "wrong, without a fault": "#9E1B1B",
 }
 
 
 def _map_picture(name: str, results: Sequence[Result]) -> Figure:
-    """Draw the panels of a map, one row or more per rolling model, and equal panels once."""
-    chosen = MAPS[name]
-    runs: dict[tuple[str, str], list[Result]] = {}
-    for result in results:
-        runs.setdefault((result.cell["rolling"], result.cell["integrator"]), []).append(result)
-    exceeded = _exceeded(runs.values())
-    # A map with more limits than line styles repeats the styles.
-    styles = dict(zip(exceeded, cycle(_LIMIT_LINES), strict=False))
-    panels: dict[str, dict[Any, list[list[Result]]]] = {}
-    for (rolling, _), cells in runs.items():
-        panels.setdefault(rolling, {}).setdefault(_shown_cells(cells, exceeded), []).append(cells)
-    most = max(map(len, panels.values()))
-    across = min(most, _ACROSS if most > _FEW else 2)
-    # Each rolling model begins a row, which empty panels complete.
-    places: list[list[list[Result]]] = []
-    for equal in panels.values():
-        places += [*equal.values(), *[[]] * (-len(equal) % across)]
-    rows = len(places) // across
-    height = _PANEL * rows + _LINE * (len(exceeded) + len(Outcome))
-    figure = Figure(figsize=(_WIDE, height), layout="constrained")
-    grid = figure.subplots(rows, across, squeeze=False).flat
-    for i, (axes, equal_runs) in enumerate(zip(grid, places, strict=True)):
-        if not equal_runs:
-            axes.set_axis_off()
-            continue
-        _panel(axes, equal_runs[0], styles)
-        names = ", ".join(cells[0].cell["integrator"] for cells in equal_runs)
-        first = equal_runs[0][0].cell
-        axes.set_title(f"{names}: {first['rolling']}", size=9.5)
-        axes.set_xlabel(chosen.x.label, size=9)
-        if i % across == 0:
-            axes.set_ylabel(chosen.y.label, size=9)
-        else:
-            axes.set_yticklabels([])
-    _legends(figure, chosen, styles, results)
+    """Draw a panel for each integrator and rolling model: which runs are right, and the limits."""
+    chosen, codes = MAPS[name], np.array([*map(_colour_of, results)])
+    integrators = [*dict.fromkeys(result.cell["integrator"] for result in results)]
+    cells = codes.reshape(len({result.cell["rolling"] for result in results}), len(integrators), -1)
+    right = dict(zip(integrators, (cells == 0).mean(axis=(0, 2)), strict=True))
+    best, worst = max(right, key=right.__getitem__), min(right, key=right.__getitem__)
+    silent, wrong = np.count_nonzero(codes == 2), np.count_nonzero(codes > 0)
+    heading = (
+        f"{name}: {best} is right in {right[best]:.0%} of runs, {worst} in {right[worst]:.0%}; "
+        f"{silent} of {wrong} errors without a fault"
+    )
+    across = min(_ACROSS, len(integrators))
+    rows = len(cells) * -(-len(integrators) // across)
+    figure, grid = panels(
+        heading,
+        (_WIDE, _PANEL * rows + _ABOVE),
+        rows,
+        across,
+        squeeze=False,
+        sharex=True,
+        sharey=True,
+    )
+    places = grid.reshape(len(cells), -1)
+    for axes in grid.flat:
+        axes.set_axis_off()
+    for i, j in np.ndindex(cells.shape[:2]):
+        count = cells.shape[2]
+        first = (i * len(integrators) + j) * count
+        _panel(places[i, j], results[first : first + count], cells[i, j])
+    grid[-1, across // 2].set_xlabel(chosen.x.label, size="large")
+    figure.supylabel(chosen.y.label)
+    handles: list[Any] = [Patch(color=colour, label=label) for label, colour in _COLOURS.items()]
+    handles.append(Patch(fc="white", ec=INK, label="refused or out of time"))
+    handles.append(Line2D([], [], color=INK, lw=2, label="limit predicted by the laws"))
+    legend: Any = {"title": f"held: {chosen.held}", "alignment": "left", "frameon": False}
+    figure.legend(handles=handles, loc="outside lower left", ncols=3, **legend)
     return figure
 
 
-def _shown_cells(results: Sequence[Result], exceeded: Sequence[str]) -> Any:
-    """Return everything a panel shows of its cells: outcomes, marks and exceeded limits."""
-    sides = [tuple(_nearness(cell).get(name, np.nan) > 1 for name in exceeded) for cell in results]
-    places = [(result.cell["x"], result.cell["y"]) for result in results]
-    return tuple(zip(places, map(_outcome_of, results), map(_marks, results), sides, strict=True))
+def _colour_of(result: Result) -> float:
+    """Return the number of a cell's colour, or NaN without a run."""
+    if _outcome_of(result) in (Outcome.REFUSED, Outcome.UNFINISHED, Outcome.FAILED):
+        return np.nan
+    error = _error_of(result)
+    wrong = error is None or error > ERROR_TOLERANCE
+    return float(wrong + (wrong and not _noticed(result)))
 
 
-def _exceeded(panels: Iterable[Sequence[Result]]) -> list[str]:
-    """Return the limits with cells on both sides in some panel, which get a line."""
-    numbers = [list(map(_nearness, panel)) for panel in panels]
-
-    def drawn(name: str) -> bool:
-        return any(
-            len({cell[name] > 1 for cell in panel if name in cell}) == 2 for panel in numbers
-        )
-
-    return list(filter(drawn, LAWS))
-
-
-def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
+def _panel(axes: Axes, results: Sequence[Result], codes: Array) -> None:
     xs, ys = (sorted({result.cell[key] for result in results}) for key in ("x", "y"))
-    shape = len(ys), len(xs)
+    shape, first = (len(ys), len(xs)), results[0].cell
+    axes.set_axis_on()
+    axes.grid(visible=False)
+    colours: Any = {"cmap": ListedColormap([*_COLOURS.values()]), "vmin": -0.5, "vmax": 2.5}
     # Cells come row by row. They have equal sizes, although their values may be decades apart.
-    for (j, i), result in zip(np.ndindex(shape), results, strict=True):
-        # An image cannot have hatches.
-        axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, **_outcome_of(result).look))
-        for meaning in _marks(result):
-            axes.add_line(_mark(meaning, i, j))
-    numbers = [*map(_nearness, results)]
-    for name, style in styles.items():
-        # NaN, for cells without this limit or without a result, leaves a gap in the line.
-        grid = np.reshape([nearness.get(name, np.nan) for nearness in numbers], shape)
-        # Contours need finite values; far from the limit only the side matters.
-        _draw_limit(axes, np.log10(np.clip(grid, 1e-6, 1e6)), *style)
-    axes.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
+    axes.pcolormesh(codes.reshape(shape), edgecolors="white", linewidth=0.5, **colours)
+    nearest = [max(_nearness(result).values(), default=np.nan) for result in results]
+    # Contours need finite values; far from a limit only the side matters.
+    sides = np.pad(np.log10(np.clip(nearest, 1e-6, 1e6)).reshape(shape), 1, mode="edge")
+    if np.nanmin(sides, initial=0.0) < 0 < np.nanmax(sides, initial=0.0):
+        columns, rows = ([0, *(np.arange(n) + 0.5), n] for n in shape[::-1])
+        lines = axes.contour(columns, rows, np.ma.masked_invalid(sides), [0.0], colors=[INK])
+        lines.set(linewidth=2, path_effects=halo(3.5))
+    axes.set_title(f"{first['integrator']}, {first['rolling']}", size=10.5)
     for axis, values in ((axes.xaxis, xs), (axes.yaxis, ys)):
-        axis.set_ticks(*round_ticks(values), size=8.5)
-
-
-def _marks(result: Result) -> tuple[str, ...]:
-    """Return the meanings of the marks on a cell."""
-    error, warned, noticed = _error_of(result), _foretold(result), _noticed(result)
-    shown = (
-        missed(result),
-        _is_wrong(error) and noticed and not warned,
-        _is_accurate(error) and (noticed or warned),
-    )
-    return tuple(compress(_MARKS, shown))
-
-
-def _mark(meaning: str, x: float = np.nan, y: float = np.nan) -> Line2D:
-    marker, size, fill = _MARKS[meaning]
-    style: dict[str, Any] = {"marker": marker, "ms": size, "mfc": fill, "color": INK, "ls": ""}
-    return Line2D([x], [y], label=meaning, path_effects=halo(1.5), **style)
-
-
-def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
-    inside = nearness[np.isfinite(nearness)]
-    if not len(inside) or not inside.min() < 0 < inside.max():
-        return
-    # Extrapolate linearly by half a cell to the borders, unless that would add a line between
-    # cells on the same side of the limit.
-    edge = np.pad(nearness, 1, mode="edge")
-    onward = (np.pad(nearness, 1, mode="reflect", reflect_type="odd") + edge) / 2
-    grid = np.ma.masked_invalid(np.where(onward * edge > 0, onward, edge))
-    rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
-    lines = axes.contour(columns, rows, grid, levels=[0.0], colors=[colour], linewidths=1.8)
-    lines.set(linestyle=dashes, path_effects=halo(3.2))
+        places, labels = round_ticks(values)
+        axis.set_ticks(np.array(places) + 0.5, labels)
 
 
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
@@ -485,32 +438,6 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
             return places, [f"$10^{{{decade:.0f}}}$" for decade in decades]
     cells = range(0, len(values), max(1, -(-(len(values) - 1) // (_TICKS - 1))))
     return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
-
-
-def _legends(
-    figure: Figure, chosen: Map, styles: Mapping[str, Any], results: Sequence[Result]
-) -> None:
-    """Draw the title and the legend of the lines above, and the legend of the cells below."""
-    limits = [
-        Line2D([], [], color=colour, linestyle=dashes, label=_law(name))
-        for name, (colour, dashes) in styles.items()
-    ]
-    present = {*map(_outcome_of, results)}
-    outcomes = [Patch(label=kind.sentence, **kind.look) for kind in Outcome if kind in present]
-    heading = f"{chosen.title}\nheld: {chosen.held}"
-    if limits:
-        heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}"
-    style: Any = {"frameon": False, "fontsize": 8}
-    # The legend carries the title, since a title of the figure would overlap this legend.
-    upper: Any = {"loc": "outside upper left", "title": heading, "alignment": "left"}
-    figure.legend(handles=limits, **upper, **style)
-    handles = [*outcomes, *map(_mark, _MARKS)]
-    figure.legend(handles=handles, loc="outside lower left", ncols=2, **style)
-
-
-def _law(name: str) -> str:
-    """Return the first line of a limit's docstring."""
-    return (LAWS[name].__doc__ or "").partition("\n")[0].rstrip(".")
 
 
 def map_extremes(names: Sequence[str], sweep: Sweep) -> int:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import robotball as rb
@@ -161,25 +162,22 @@ def test_every_random_run_can_be_made() -> None:
             assert len(run.times) == 101
 
 
-def test_a_map_draws_integrators_with_equal_cells_once() -> None:
-    """Euler and RK4 share a panel unless the outcome or the mark of a cell differs."""
-
-    def drawn(outcome: str = "ACCURATE", faults: Sequence[str] = ()) -> list[str]:
-        results = [
-            Result(
-                cell("momentum", integrator, x, y),
-                {"outcome": outcome, "path_error": 1e-5, "momentum_error": 0.0, "faults": faults}
-                if (integrator, x, y) == ("RK4", 0.1, 10.0)
-                else {"outcome": "ACCURATE", "path_error": 1e-5, "momentum_error": 0.0},
-                None,
-            )
-            for integrator in ("Euler", "RK4")
-            for y in (1.0, 10.0)
-            for x in (0.01, 0.1)
-        ]
-        figure = _map_picture("momentum", results)
-        return [axes.get_title() for axes in figure.axes]
-
-    assert drawn() == ["Euler, RK4: rubber"]
-    assert drawn("SLIPPED") == ["Euler: rubber", "RK4: rubber"]
-    assert drawn(faults=["late"]) == ["Euler: rubber", "RK4: rubber"]
+def test_a_map_has_a_panel_for_each_integrator_and_three_colours() -> None:
+    """Right, wrong with a fault, wrong without one, and no colour without a run."""
+    cells = {
+        (0.01, 1.0): result("DEGRADED", 1e-3),
+        (0.1, 1.0): result("SLIPPED", 0.5, faults=["slipped"]),
+        (0.01, 10.0): result("DEGRADED", 0.02),
+        (0.1, 10.0): result("REFUSED", None),
+    }
+    results = [
+        replace(found, cell=cell("momentum", integrator, *place))
+        for integrator in ("Euler", "RK4")
+        for place, found in cells.items()
+    ]
+    figure = _map_picture("momentum", results)
+    assert [axes.get_title() for axes in figure.axes] == ["Euler, rubber", "RK4, rubber"]
+    (mesh,) = figure.axes[0].collections
+    drawn = np.ma.masked_invalid(np.asarray(mesh.get_array()))
+    assert drawn.filled(-1).ravel().tolist() == [0.0, 1.0, 2.0, -1.0]
+    assert "2 of 4 errors" in figure.get_suptitle()

@@ -33,7 +33,8 @@ COLUMNS = (
 )
 _LEAST_PATH = 0.1  # of the radius: a slip over a shorter path is not worth a line
 _LAG = 0.1  # of the command: a smaller tracking error is not worth a line
-_AFTER = "0.75"  # grey
+_AFTER = "0.6"  # grey
+_EARLY = 0.05  # of the run: with an earlier fault, the axis of time is logarithmic
 _MOST_LINES = 60  # of a difference
 
 
@@ -226,38 +227,55 @@ def difference(checked: Checked) -> list[str]:
 
 
 def _picture(checked: Checked) -> Figure:
-    """Draw the paths, and the path errors over time, of the file and the mended file."""
+    """Draw the paths, and the path errors over time, of the file and the mended file.
+
+    The file is grey from its first bad state on. If that comes early, the time is logarithmic.
+    """
     seen, theory = checked.observation, checked.observation.theory
-    colour, dashes, _ = PRESET_LOOKS["mended"]
-    label = "repaired" if seen.user.robot.repairs else "unmodified"
-    curves: list[tuple[str, Array, str, Any]] = [(label, seen.path, LABEL.colour, "-")]
+    end, radius, until = theory.times[-1], theory.scene.ball.radius, seen.symptoms.until
+    name = "repaired" if seen.user.robot.repairs else "unmodified"
+    compared = seen.motion.times <= end
+    times, path = seen.motion.times[compared], seen.symptoms.path[compared]
+    cross = {"marker": "X", "ms": 11, "mec": "white"}
+    curves: list[tuple[str, Array, Array, str, dict[str, Any]]]
+    curves = [(name, times, path, LABEL.colour, cross)]
+    if seen.symptoms.failure:
+        good = times < until
+        curves = [("after its first bad state", times, path, _AFTER, cross)]
+        curves += [(name, times[good], path[good], LABEL.colour, {})] * bool(good.any())
     if checked.needed:
-        curves.append(("mended", checked.mended, colour, (0, dashes)))
-    largest = [scientific(known(distances(path, theory).max())) for _, path, *_ in curves]
-    titles = [f"{label} off by {it}" for (label, *_), it in zip(curves, largest, strict=True)]
-    if seen.failure:
-        titles[0] = f"{label}: {seen.failure.partition('. ')[0]}"
-    heading = f"{seen.user.robot.path.name}: {'; '.join(titles)}"
+        colour, dashes, _ = PRESET_LOOKS["mended"]
+        style = {"ls": (0, dashes), "marker": "o"}
+        curves.append(("mended", theory.times, checked.mended, colour, style))
+    verdict = seen.failure or f"path error {scientific(known(seen.error))}"
+    heading = f"{seen.user.robot.path.name}, {name}: {verdict.partition('. ')[0]}"
+    if checked.needed:
+        heading += f"; mended: path error {scientific(known(checked.mended_error))}"
     figure, (left, right) = panels(heading, (11.0, 5.4), 1, 2)
     left.plot(*theory.contact_point.T, c=theory.engine.colour, lw=5, alpha=0.6, label="equations")
-    if seen.symptoms.failure:
-        times, whole = seen.motion.times, seen.symptoms.path
-        after = whole[times >= min(seen.symptoms.until, times[-1]) - seen.interval]
-        left.plot(*after[:, :2].T, color=_AFTER, label="after the first bad state")
-        away = distances(whole, theory, times)
-        right.plot(times, away, color=_AFTER, marker=".", ms=2)
-        right.axvline(seen.symptoms.until, color=_AFTER, ls="--", label="first bad state")
-    for label, path, color, dash in curves:
+    left.plot(
+        *theory.contact_point[0],
+        "o",
+        color="black",
+        mfc="none",
+        ms=16,
+        label="start (other marks: end)",
+    )
+    for label, times, path, colour, style in curves:
         # Mark the end, because a path may end within another.
         last = np.flatnonzero(np.isfinite(path[:, 0]))[-1:].tolist()
-        left.plot(*path[:, :2].T, ls=dash, marker="o", markevery=last, color=color, label=label)
-        away = np.linalg.norm(path[:, [0, 1, 3]], axis=1) / theory.scene.ball.radius
-        away = distances(path, theory) if seen.judged else away
-        right.plot(theory.times[1:], away[1:], ls=dash, color=color, label=label)
-    paths = [path[:, :2] for _, path, *_ in curves[bool(seen.symptoms.failure) :]]
-    shown = np.concatenate([theory.contact_point, *paths])
-    ends = np.array([np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)])
-    radius, (x, y) = theory.scene.ball.radius, ends.mean(axis=0)
+        left.plot(*path[:, :2].T, c=colour, markevery=last, label=label, **style)
+        away = np.linalg.norm(path[:, [0, 1, 3]], axis=1) / radius
+        away = distances(path, theory, times) if seen.judged else away
+        right.plot(times[1:], away[1:], c=colour, ls=style.get("ls", "-"))
+    if seen.symptoms.failure:
+        right.axvline(until, color=_AFTER, ls="--", label="first bad state")
+        if until < _EARLY * end:
+            right.set(xscale="log", xlim=(seen.motion.times[1], end))
+    shown = [path[:, :2] for *_, path, colour, _ in curves if colour != _AFTER]
+    points = np.concatenate([theory.contact_point, *shown])
+    ends = np.array([np.nanmin(points, axis=0), np.nanmax(points, axis=0)])
+    x, y = ends.mean(axis=0)
     half = 0.6 * max(np.ptp(ends, axis=0).max(), 2 * radius)
     left.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
@@ -269,8 +287,7 @@ def _picture(checked: Checked) -> Figure:
     else:
         left.add_patch(Circle((x, y), radius, fill=False, ls=":"))
         right.set(title="distance rolled, or turned in place, over the radius")
-    left.legend()
-    right.legend()
+    figure.legend(loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 

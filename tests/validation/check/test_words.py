@@ -286,18 +286,21 @@ def test_the_picture_of_a_ball_that_stays_in_place_shows_its_size_and_its_turn(
 
 
 def test_the_picture_shows_a_run_that_ends_before_the_first_sample(tmp_path: Path) -> None:
-    """It diverges within the 10 ms between two samples. Before, the right chart was empty."""
+    """It diverges within the 10 ms between two samples: its coloured part would be empty."""
     servo = '<velocity name="drive" joint="axle" kv="20"/>'
     text = planted("velocity servo").replace(
         '<velocity name="drive" joint="axle" kv=".05"/>', servo
     )
-    study = study_of(checked(tmp_path, text), [])
+    record = checked(tmp_path, text)
+    study = study_of(record, [])
     assert study.picture is not None
     right = study.picture.axes[1]
-    labels = {str(line.get_label()): line for line in right.lines}
-    assert "first bad state" in labels
-    grey = [line for line in right.lines if line.get_marker() == "."]
-    assert np.nanmax(np.asarray(grey[0].get_ydata(), dtype=float)) > 1e-3
+    assert "first bad state" in {str(line.get_label()) for line in right.lines}
+    assert right.get_xscale() == "log"
+    assert right.get_xlim()[0] < record.observation.symptoms.until
+    grey, before = right.lines[:2]
+    assert np.nanmax(np.asarray(grey.get_ydata(), dtype=float)) > 1e-3
+    assert np.isfinite(np.asarray(before.get_ydata(), dtype=float)).any()
 
 
 STANDS = {"stands~still": "", "spins spot 9~rad": 'qvel="0 0 0 0 0 9 0"'}

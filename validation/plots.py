@@ -205,3 +205,16 @@ def beside(axes: "Axes", text: str, height: float, place: float = 4, **style: An
     """Write a label at a height, `place` points to the right of the axes."""
     right: Any = ("axes fraction", "data")
     note(axes, text, (1.0, height), (place, 0), xycoords=right, va="center", **style)
+
+
+def separate(figure: "Figure", notes: Sequence[Any]) -> None:
+    """Move each note that covers an earlier one to another height near its point."""
+    figure.draw_without_rendering()  # extents are known only after the layout
+    placed: list[Any] = []
+    for text in notes:
+        for height in (7, 19, 31, -15):
+            text.xyann = (0, height)
+            box = text.get_window_extent()
+            if not any(map(box.overlaps, placed)):
+                break
+        placed.append(box)

@@ -17,10 +17,11 @@ from rich.markup import escape
 from robotball import Engine, InputError, Scene, engine_named, engine_names, load_scene
 from robotball.engines.engine import DEFAULT
 from robotball.engines.environments import call, newer_releases, python_name, said_of, versions_in
-from robotball.robot.looks import INK
+from robotball.robot.looks import FAINT, INK
 
 from ..options import AGREES, Sweep, chosen, seconds_of
-from ..output import in_picture, writable_folder, write_record
+from ..output import halo, in_picture, writable_folder, write_record
+from ..plots import note, separate
 from ..sensitivity import chaotic
 from ..study import (
     CANCELLED,
@@ -248,36 +249,45 @@ def python_text(run: Row) -> str:
 
 
 def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> "Figure":
-    """Draw engines' costs against their errors; the second version of an engine is pale."""
-    order = dict.fromkeys(run["contestant"] for run in sorted(runs, key=itemgetter("error")))
+    """Draw engines' costs against their errors, and label each engine at its smallest error.
+
+    Engines that are not on the Pareto front are grey; the second version of an engine is pale.
+    """
     within = [run for run in runs if run["usable"] and run["error"] <= _SAID]
     within.sort(key=itemgetter("cost"), reverse=True)
     costs = {run["label"]: run["cost"] for run in within}  # the lowest cost of each engine
     cheapest = sorted(costs.items(), key=itemgetter(1))[:2]
     times = ", ".join(f"{cost * 1e3:.2g} ms with {label}" for label, cost in cheapest)
-    finding = f"takes {times} per simulated second" if times else "is reached by no engine"
+    finding = f"costs {times}" if times else "is reached by no engine"
     heading = f"{name}: an error of {_SAID:g} {finding}"
     figure, axes = cost_axes(heading, f"{errors}, relative to the path's length")
+    ahead = {run["contestant"]: run["colour"] for run in runs if run["on_the_pareto_front"]}
     drawn = set[str]()
-    for contestant in order:
+    for contestant in dict.fromkeys(run["contestant"] for run in runs):
         own_runs = [run for run in runs if run["contestant"] == contestant]
-        engine, mark, colour = (own_runs[0][key] for key in ("label", "marker", "colour"))
-        label = in_picture(f"{engine} {own_runs[0]['version']}")
+        engine, version, mark = (own_runs[0][key] for key in ("label", "version", "marker"))
+        colour, smallest = ahead.get(contestant, FAINT), list[tuple[float, float]]()
         style: Any = {"color": colour, "linewidth": 1, "alpha": 0.4 if engine in drawn else 1.0}
         drawn.add(engine)
-        axes.plot([], [], f"{mark}-", label=label, **style)
         for _, group in groupby(own_runs, _key):
             line = [*group]
             dashes = _IDEAL if {"all", "constraints"} & {*line[0]["ours"].split(", ")} else "-"
             points = [(min(max(run["error"], _LEAST), 10.0), run["cost"]) for run in line]
             fill = "none" if line[0]["newcomer"] else colour
-            axes.plot(*zip(*points, strict=True), mark + dashes, ms=6, mfc=fill, zorder=2, **style)
+            order = 2 + (contestant in ahead)
+            axes.plot(*zip(*points, strict=True), mark + dashes, mfc=fill, zorder=order, **style)
+            smallest.append(min(points))
+        words: Any = {"color": "dimgray" if colour == FAINT else colour, "path_effects": halo()}
+        label = in_picture(f"{engine} {version.partition(' on ')[0]}")
+        note(axes, label, min(smallest), (0, 7), ha="center", fontsize=9, zorder=5, **words)
     best = [(max(run["error"], _LEAST), run["cost"]) for run in runs if run["on_the_pareto_front"]]
     front = np.reshape(sorted(best), (-1, 2)).T
     axes.plot(*front, color=INK, linewidth=1.8, zorder=1, label="Pareto front")
     axes.plot([], [], "o", color=INK, mfc="none", label="default settings of the engine")
     axes.plot([], [], _IDEAL, color=INK, linewidth=1, label="robotball's rolling constraints")
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    axes.margins(x=0.1)
+    separate(figure, axes.texts)
     return figure
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from robotball.rotations import Array
 
-from .output import in_picture, title, write_picture
+from .output import in_picture, scientific, title, write_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +84,7 @@ def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
 
     theory, (x, y) = agreements[0].theory, framed(agreements)
     height = (_RIGHT - _LEFT) * float(np.ptp(y) / np.ptp(x))
-    figure, (paths, errors) = _panels(agreements, height, _HIGH)
+    figure, (paths, errors) = _panels(agreements, "path", height, _HIGH)
     path, (own, looks) = _thinned(theory.contact_point), _looks(agreements)
     _draw(paths, own, 0, path)
     for i, (look, run) in enumerate(zip(looks, agreements, strict=True), 1):
@@ -106,7 +106,7 @@ def momentum_picture(agreements: Sequence["Agreement"]) -> "Figure":
     scene, M = agreements[0].scene, agreements[0].theory.momentum[0].round(12) + 0.0
     vector = ", ".join(f"{component:.3g}" for component in M)
     kept = f"M = ({vector}) kg m²/s is constant" if scene.keeps_momentum else "momentum M"
-    figure, (errors,) = _panels(agreements, _HIGH)
+    figure, (errors,) = _panels(agreements, "momentum", _HIGH)
     _draw_errors(figure, agreements, [run.momentum_errors for run in agreements])
     errors.set(ylabel=f"error of M, over\n{scene.momentum_scale:.3g} kg m²/s", title=kept)
     return figure
@@ -123,8 +123,13 @@ def _looks(agreements: Sequence["Agreement"]) -> "tuple[LineStyle, list[LineStyl
     return own, looks
 
 
-def _panels(agreements: Sequence["Agreement"], *heights: float) -> "tuple[Figure, list[Axes]]":
-    """Return a figure of panels with heights in inches; the last shows errors over time."""
+def _panels(
+    agreements: Sequence["Agreement"], what: str, *heights: float
+) -> "tuple[Figure, list[Axes]]":
+    """Return a figure of panels with heights in inches; the last shows errors over time.
+
+    The title has each run's error of this name: "path" or "momentum".
+    """
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
 
@@ -139,7 +144,11 @@ def _panels(agreements: Sequence["Agreement"], *heights: float) -> "tuple[Figure
     across = {"left": _LEFT / _WIDTH, "right": _RIGHT / _WIDTH, "height_ratios": heights}
     along = {"top": 1 - above / high, "bottom": _BELOW / high, "hspace": _BELOW / np.mean(heights)}
     figure = Figure(figsize=(_WIDTH, high))
-    title(figure, f"{scene.name}: {scene.title}")
+    errors = [(run.settings.name, getattr(run, f"{what}_error")) for run in agreements]
+    found = (
+        f"{scientific(it)} ({name})" if it == it else f"{name} breaks off" for name, it in errors
+    )
+    title(figure, f"{scene.name}: {what} error {', '.join(found)}")
     panels = [*figure.subplots(len(heights), squeeze=False, gridspec_kw=across | along)[:, 0]]
     for panel in panels:
         panel.grid(alpha=0.3)

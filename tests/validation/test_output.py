@@ -319,15 +319,16 @@ def test_the_extremes_of_a_long_line_are_drawn() -> None:
     assert extremes(values[:5]).tolist() == [0, 1, 2, 3, 4]
 
 
-@pytest.mark.parametrize("length", [20, 90, 150, 400])
+@pytest.mark.parametrize("length", [40, 90, 150, 400])
 def test_a_long_title_stays_within_its_picture(length: int) -> None:
     """Its letters become smaller, then it has two lines; it does not overlap the axes.
 
     Dollars are text.
     """
-    scene = rb.load_scene("fig12")
-    title = ("$5 a robot of $6 rolls " * 20)[: length - len("fig12: ")]
-    figure = path_picture([compare(replace(scene, title=title), TIMES, settings="fast")])
+    errors = ": path error 1.0e-07 (fast)"
+    name = ("$5 a robot of $6 rolls " * 20)[: length - len(errors)]
+    agreement = compare(replace(rb.load_scene("fig12"), name=name), TIMES, settings="fast")
+    figure = path_picture([agreement])
     figure.draw_without_rendering()
     (drawn,), (names,) = figure.texts, figure.legends
     box, below = drawn.get_window_extent(), names.get_window_extent()

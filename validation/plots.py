@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from robotball.rotations import Array
 
 from .output import in_picture, scientific, title, write_picture
+from .slip import others
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +81,7 @@ def extremes(values: Array) -> NDArray[np.int64]:
 
 def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
     """Draw the paths of the contact points, and their distance over time below."""
-    from robotball.view.tracks import draw_slips, slip_parts, slips_of
+    from robotball.view.tracks import draw_slips, line_looks, slip_parts, slips_of
 
     theory, (x, y) = agreements[0].theory, framed(agreements)
     height = (_RIGHT - _LEFT) * float(np.ptp(y) / np.ptp(x))
@@ -89,13 +90,17 @@ def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
     _draw(paths, own, 0, path)
     for i, (look, run) in enumerate(zip(looks, agreements, strict=True), 1):
         _draw(paths, look, i, _thinned(run.motion.contact_point), run.finished)
+    paths.set_title("contact point on the plane, to one scale")
+    for other in others(agreements):
+        look = line_looks([theory, agreements[0].motion, other])[-1]
+        paths.plot(*_thinned(other.contact_point).T, "-.", color=look.colour, label=look.label)
+        paths.set_title(agreements[0].slip.split if agreements[0].slip else "", size=10)
     parts = slip_parts(slips_of(theory), _thinned(theory.times))
     draw_slips(paths, [path[part] for part in parts])
     paths.plot(*path[0], "ko", markersize=8, zorder=4, label="start")
     if not all(run.finished for run in agreements):
         paths.plot([], [], "kX", markersize=9, label="a run breaks off")
     paths.set(xlim=x, ylim=y, xlabel="X [m]", ylabel="Y [m]", aspect="equal")
-    paths.set_title("contact point on the plane, to one scale")
     errors.set_ylabel("distance of the\ncontact points [m]")
     _draw_errors(figure, agreements, [run.path_errors for run in agreements], theory.path_scale)
     return figure
@@ -138,7 +143,7 @@ def _panels(
     scene, slips = agreements[0].scene, slips_of(agreements[0].theory)
     # Fixed margins: an automatic layout takes as long as the rest of the picture.
     # Three names each: the lines, the start, the end of a broken run, and slip.
-    rows = (len(agreements) + 5 + bool(slips)) // 3
+    rows = (len(agreements) + 6 + bool(slips)) // 3
     above = _ABOVE + _ROW * rows
     high = above + sum(heights) + _BELOW * len(heights)
     across = {"left": _LEFT / _WIDTH, "right": _RIGHT / _WIDTH, "height_ratios": heights}

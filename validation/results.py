@@ -233,7 +233,7 @@ def record(agreement: Agreement) -> Record:
         "momentum_drift": known(agreement.momentum_error),  # its name in version 0.1
         "friction_used": known(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
-        "slip": None if slip is None else {**asdict(slip), "text": str(slip)},
+        "slip": None if slip is None else {**asdict(replace(slip, other=None)), "text": str(slip)},
         "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
         "agrees": agreement.agrees,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from robotball import Engine, InputError, Motion, integrate
 from robotball.errors import percent
@@ -9,6 +10,9 @@ from robotball.motion import ContactMotion, ReferenceMotion, path_error
 from robotball.robot.scene import Friction, Scene
 
 from .output import known
+
+if TYPE_CHECKING:
+    from .agreement import Agreement
 
 _SHOWN = 3  # intervals of slip in a text
 _STEPS = 2000  # 1/s, most steps of another motion; fig12 takes 180
@@ -32,6 +36,8 @@ class Slip:
         The engine's path error against that ball. None if the engine's run broke off.
     of_settings : bool
         Whether the friction is the engine's default, and not the scene's.
+    other : ReferenceMotion or None
+        By the equations, the ball with this friction if it is of the settings, else ideal rolling.
     """
 
     sliding: float | None
@@ -42,6 +48,7 @@ class Slip:
     by_friction: float | None
     by_engine: float | None
     of_settings: bool
+    other: ReferenceMotion | None
 
     def __str__(self) -> str:
         has, need = [], []
@@ -69,6 +76,12 @@ class Slip:
         if self.of_settings and self.by_engine is not None:
             parts.append(f"the engine is {percent(self.by_engine)} off the path with this friction")
         return "; ".join(parts)
+
+
+def others(agreements: "Sequence[Agreement]") -> list[ReferenceMotion]:
+    """Return the motion that differs from the reference in friction alone, for a single run."""
+    slip = agreements[0].slip if len(agreements) == 1 else None
+    return [slip.other] if slip and slip.other else []
 
 
 def listed(intervals: Sequence[tuple[float, float]]) -> str:
@@ -112,7 +125,7 @@ def _integrated(scene: Scene, like: Motion) -> ReferenceMotion | None:
 
 def _slip(
     friction: Friction,
-    ideal: Motion | None,
+    ideal: ReferenceMotion | None,
     slipping: ReferenceMotion,
     motion: ContactMotion,
     of_settings: bool,
@@ -129,4 +142,5 @@ def _slip(
         by_friction=None if ideal is None else path_error(slipping, ideal),
         by_engine=known(path_error(motion, slipping)) if whole else None,
         of_settings=of_settings,
+        other=slipping if of_settings else ideal,
     )

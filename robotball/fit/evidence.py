@@ -100,6 +100,8 @@ class SensorFit(Value):
         The times of the readings.
     residuals : (n, k)
         Readings minus model; rotation vectors for an attitude [rad].
+    readings : (n, k)
+        The readings; quaternions for an attitude.
 
     Examples
     --------
@@ -121,6 +123,7 @@ class SensorFit(Value):
     since: float | None
     times: Array
     residuals: Array
+    readings: Array
 
 
 def strays(sensors: Sequence[SensorFit]) -> list[SensorFit]:
@@ -444,7 +447,9 @@ def sensor_fits(residuals: Residuals, x: Array, fitted: float) -> Iterator[Senso
             rms = float(np.sqrt((left**2).mean()))
             since = _since(sensor.times, left / noise) if probability < _DOUBT else None
             names = sensed.log.name, sensor.name
-            yield SensorFit(*names, noise, rms, probability, since, sensor.times, left)
+            yield SensorFit(
+                *names, noise, rms, probability, since, sensor.times, left, sensor.values
+            )
 
 
 def _since(times: Array, weighed: Array) -> float:

@@ -25,6 +25,8 @@ def video(
 ) -> int:
     """Film a scene: the engine's ball with one or more presets, and the equations' ball.
 
+    If the ball slips, a single preset is filmed beside the ball that rolls.
+
     Example: robotball video fig12 --preset naive,balanced --ghost --slow 2
 
     Parameters
@@ -46,13 +48,14 @@ def video(
 
     from ..comparing import film, motions_of, note_of
     from ..results import changed, file_name, file_stem
+    from ..slip import others
 
     how = Film(fps, _size(resolution), slow, camera, ghost)
     words = changed(video, fps=fps, resolution=resolution, slow=slow, camera=camera, ghost=ghost)
     agreements = run.agreements([run.scene(scene)])
     path = run.out / f"{file_name(file_stem(agreements), None, words)}.{format}"
     how = replace(how, note=note_of(agreements))
-    film(path, motions_of(agreements, "video"), **vars(how))
+    film(path, [*others(agreements), *motions_of(agreements, "video")], **vars(how))
     print(path)
     agree = all(agreement.agrees for agreement in agreements)
     return options.AGREES if agree else options.DISAGREES

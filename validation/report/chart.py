@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
+from itertools import groupby
 
 import numpy as np
 
@@ -153,7 +154,8 @@ def _fewer_points(line: Line) -> Line:
     count = len(line.x)
     if count <= _POINTS:
         return line
-    kept = np.unique(np.linspace(0, count - 1, _POINTS).round().astype(int))
+    kept = np.linspace(0, count - 1, _POINTS).round().astype(int)
+    kept = np.union1d(kept, np.flatnonzero(~np.isfinite(line.y)))
     times = None if line.times is None else line.times[kept]
     return replace(line, x=line.x[kept], y=line.y[kept], times=times)
 
@@ -197,12 +199,13 @@ def _stroke(line: Line) -> str:
 
 
 def _polyline(line: Line, x: Array, y: Array) -> str:
-    """Return a line, with a cross at the end if it is broken."""
-    places = [(a, b) for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in places)
-    drawn = f'<polyline points="{points}" {_stroke(line)} stroke-linejoin="round"/>'
-    if line.broken and points:
-        at = f"M{points.split()[-1]}{_CROSS}"
+    """Return a line, interrupted at values that are not finite; with a cross if it is broken."""
+    runs = groupby(zip(x, y, strict=True), lambda place: math.isfinite(sum(place)))
+    parts = [" ".join(f"{a:.1f},{b:.1f}" for a, b in run) for whole, run in runs if whole]
+    style = f'{_stroke(line)} stroke-linejoin="round"'
+    drawn = "".join(f'<polyline points="{points}" {style}/>' for points in parts)
+    if line.broken and parts:
+        at = f"M{parts[-1].split()[-1]}{_CROSS}"
         drawn += f'<path d="{at}" stroke="currentColor" stroke-width="3"/>'
     return drawn
 

@@ -28,7 +28,7 @@ _STEPS = {5e-3: "--", 1e-3: "-"}  # s, and the lines' styles
 _FROM, _TO, _COUNT = 0.05, 2.0, 25  # of the friction that rolling needs
 _QUICK_COUNT = 4
 _COLOURS = {"pyramidal": INK, "elliptic": LABEL.colour, "recipe": ACCENT}
-_INCHES = (9.0, 5.6)
+_INCHES = (10.0, 5.6)
 
 
 def _contacts(scene: Scene, step: float) -> Mapping[str, Settings]:
@@ -81,7 +81,7 @@ def _picture(name: str, rows: Sequence[Row]) -> Figure:
         for contact in _COLOURS
     }
     finding = ", ".join(f"{error} ({contact})" for contact, error in worst.items())
-    heading = f"{name}, slipping in steps of {1e3 * fine:g} ms: off by up to {finding}"
+    heading = f"{name}, slipping, {1e3 * fine:g} ms: off by {finding}"
     figure, axes = panels(heading, _INCHES)
     for contact, colour in _COLOURS.items():
         for step, dashes in _STEPS.items():

@@ -17,6 +17,7 @@ from robotball.fit.fitting import Fit as Fitted
 from robotball.fit.fitting import fit
 from robotball.fit.logs import read_log
 from robotball.fit.scene_numbers import numbers_of
+from robotball.rotations import Array
 from robotball.view.tracks import PRESET_LOOKS, LineStyle
 
 from ..options import AGREES, DISAGREES
@@ -33,9 +34,12 @@ from ..output import (
     write_text,
 )
 from ..report import VERDICTS, page, paragraph, plot, table, text
-from ..report.chart import Line
+from ..report.chart import Line, chart, legend
 
 _STRONG = 0.9  # smallest correlation to report
+_GAP = 3.0  # median intervals: a longer one is a gap
+_FAR, _BARS = 4.5, 18  # noises, range of the histogram, and its bars
+_COLOURS = [colour for colour, _, _ in PRESET_LOOKS.values()]
 
 
 def lines(fitted: Fitted) -> Iterator[str]:
@@ -123,21 +127,41 @@ def _fit_page(scene: str, fitted: Fitted) -> str:
         table(_HEADINGS, _numbers((*fitted.found, *fitted.of_logs))),
         "<h2>Sensors</h2>",
         table(_SENSORS, _sensor_rows(fitted)),
-        "<h2>Residuals</h2>",
-        *map(_residual_plot, (*fitted.sensors, *fitted.held_out)),
+        "<h2>Readings and model</h2>",
+        *map(_sensor_plots, (*fitted.sensors, *fitted.held_out)),
     ]
     return page(f"robotball: {scene}, fitted", body)
 
 
-def _residual_plot(sensor: SensorFit) -> str:
-    colours = [colour for colour, _, _ in PRESET_LOOKS.values()]
-    names = "xyz" if sensor.residuals.shape[1] > 1 else (sensor.name,)
-    columns = [
-        Line(LineStyle(name, colour), sensor.times, column / sensor.noise, width=0.8)
-        for name, colour, column in zip(names, colours, sensor.residuals.T, strict=False)
+def _sensor_plots(sensor: SensorFit) -> str:
+    """Return plots of the readings over the model, of the residuals, and of their histogram."""
+    scaled, steps = sensor.residuals / sensor.noise, np.diff(sensor.times)
+    names = "xyz" if scaled.shape[1] > 1 else (sensor.name,)
+    looks = [LineStyle(*look[:2]) for look in zip(names, _COLOURS, strict=False)]
+    gaps = 1 + np.flatnonzero(steps > _GAP * np.median(steps))
+    times = np.insert(sensor.times, gaps, sensor.times[gaps])
+
+    def lines(values: Array, looks: Sequence[LineStyle]) -> list[Line]:
+        columns = np.insert(values, gaps, np.nan, axis=0).T
+        return [Line(look, times, it, width=1.3) for look, it in zip(looks, columns, strict=False)]
+
+    heading, drawn = f"{sensor.name} of {sensor.log}: ", ""
+    if sensor.readings.shape == scaled.shape:  # an attitude has quaternions
+        models = [LineStyle(f"{name}, model", "currentColor", (6, 4)) for name in names]
+        both = [*lines(sensor.readings, looks), *lines(sensor.readings - sensor.residuals, models)]
+        drawn = plot(f"{heading}readings over the model", both, "t [s]", sensor.name)
+    caption = f"{heading}reading minus model, over the noise"
+    drawn += plot(caption, lines(scaled, looks), "t [s]", "residual over noise")
+    counts, edges = np.histogram(np.clip(scaled, -_FAR, _FAR), _BARS, (-_FAR, _FAR))
+    normal = np.exp(-(edges**2) / 2) * scaled.size * np.diff(edges)[0] / np.sqrt(2 * np.pi)
+    bars = [
+        Line(LineStyle("readings", _COLOURS[0]), np.repeat(edges, 2)[1:-1], np.repeat(counts, 2)),
+        Line(LineStyle("normal distribution", "currentColor", (6, 4)), edges, normal),
     ]
-    caption = f"{sensor.name} of {sensor.log}: reading minus model, over the noise"
-    return plot(caption, columns, "t [s]", "residual over noise")
+    histogram = chart(bars, "residual over noise", "number of readings")
+    caption = f"<figcaption>{text(f'{heading}histogram of the residuals')}</figcaption>"
+    drawn += f"<figure>{caption}<div>{legend(bars)}</div>{histogram}</figure>"
+    return f'<div class="charts">{drawn}</div>'
 
 
 _MEASURES = ("noise", "residual", "probability", "since")

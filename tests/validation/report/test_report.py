@@ -288,6 +288,14 @@ def test_a_chart_can_draw_degenerate_lines(y: list[float], log: bool) -> None:
     assert np.finfo(float).eps > LEAST
 
 
+def test_a_chart_interrupts_a_line_where_a_value_is_missing() -> None:
+    """Of many points it keeps some, and every missing one. Before, a line crossed each gap."""
+    y = np.sin(np.arange(5000.0))
+    y[[1001, 3333]] = np.nan
+    svg = ElementTree.fromstring(chart([Line(LineStyle("y", "red"), np.arange(5000.0), y)], "", ""))
+    assert len([*svg.iter("polyline")]) == 3
+
+
 def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
     """Pixels per metre are equal on both axes; the legend has the dashes of the line."""
     x = np.linspace(0.0, 30.0, 900)

@@ -36,7 +36,8 @@ def test_a_fit_writes_a_scene_a_page_and_a_record(robotball: Robotball, tmp_path
     assert fitted.hinges[0].motor.gain == kv["value"]  # type: ignore[union-attr]
     page = (tmp_path / "out" / "fit-pendulum_robot.html").read_text()
     assert "χ²" in page
-    assert page.count("<svg") >= 3
+    assert page.count("histogram of the residuals") == 3
+    assert page.count("readings over the model") == 2  # not of the attitude
 
 
 def test_a_log_that_constrains_no_number_gives_status_1(

@@ -92,8 +92,9 @@ def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
         _draw(paths, look, i, _thinned(run.motion.contact_point), run.finished)
     paths.set_title("contact point on the plane, to one scale")
     for other in others(agreements):
-        look = line_looks([theory, agreements[0].motion, other])[-1]
-        paths.plot(*_thinned(other.contact_point).T, "-.", color=look.colour, label=look.label)
+        colour = line_looks([theory, agreements[0].motion, other])[-1].colour
+        label = "equations with this friction" if slips_of(other) else "equations without slip"
+        paths.plot(*_thinned(other.contact_point).T, "-.", color=colour, label=label)
         paths.set_title(agreements[0].slip.split if agreements[0].slip else "", size=10)
     parts = slip_parts(slips_of(theory), _thinned(theory.times))
     draw_slips(paths, [path[part] for part in parts])

@@ -50,6 +50,7 @@ _MARKERS = {
     "unstable node": ("s", "white"),
     "degenerate": ("*", "white"),
 }
+_VIEW = np.array([0.77, 0.54, 0.34])  # direction from which the sphere is seen
 _ROUNDING = 1e-7  # 1/s, of an eigenvalue, which may be a double one
 _NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
 _Point = tuple[str, FixedPoint, ContactPath]
@@ -153,9 +154,12 @@ def portrait(
     cycles: Sequence[Cycle],
 ) -> Figure:
     """Draw fixed points, their manifolds and limit cycles on the sphere, also unrolled."""
-    figure = Figure(figsize=(13.0, 5.8), layout="constrained")
-    counts = f"{len(points)} fixed points, limit cycles: {len(cycles)}"
-    figure.suptitle(f"{title}: {counts}", color=INK)
+    figure = Figure(figsize=(13.0, 6.4), layout="constrained")
+    ends = sorted(name_of(parameters, it.gamma) for it in points if "stable" in it.kind.split())
+    ends += ["Σ_s"] * bool(circle)
+    ends += ["a limit cycle"] * any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
+    finding = f"motions end at {', '.join(ends)}" if ends else f"{len(points)} fixed points"
+    figure.suptitle(f"{title}: {finding}", color=INK, size="x-large")
     views: Any = {"sphere": {"projection": "3d"}}
     axes: dict[str, Any] = figure.subplot_mosaic(
         [["sphere", "involute"]], width_ratios=(4.6, 8.4), per_subplot_kw=views
@@ -166,7 +170,8 @@ def portrait(
         label = style.pop("label", None)
         if label in chart.get_legend_handles_labels()[1]:  # only one entry in the legend
             label = None
-        sphere.plot(*gamma.T, **style)
+        # The flow is the same at γ and -γ, so the far side would show nothing else.
+        sphere.plot(*np.where(gamma @ _VIEW > 0, gamma.T, np.nan), **style)
         chart.plot(*involute(gamma).T, label=label, **style)
 
     _draw_field(sphere, chart, parameters)
@@ -190,15 +195,18 @@ def portrait(
         style = {"marker": marker, "color": colour, "mec": INK, "ms": 8, "ls": "", "zorder": 6}
         draw(point.gamma[None], **style, label=point.kind)
         name = name_of(parameters, point.gamma)
-        sphere.text(*1.12 * point.gamma, name, fontsize=12)
-        chart.text(*involute(point.gamma), f"  {name}", fontsize=12, zorder=7, path_effects=halo())
+        style = {"fontsize": 14, "zorder": 9, "path_effects": halo()}
+        if point.gamma @ _VIEW > 0:
+            sphere.text(*point.gamma, f"  {name}", **style)
+        chart.text(*involute(point.gamma), f"  {name}", **style)
     sphere.set_box_aspect((1, 1, 1), zoom=1.5)
     sphere.set_axis_off()
-    sphere.set_title("vertical γ on the Poisson sphere")
+    sphere.view_init(*np.degrees([np.arcsin(_VIEW[2]), np.arctan2(_VIEW[1], _VIEW[0])]))
+    sphere.set_title("vertical γ on the near side of the Poisson sphere")
     chart.set(xlim=(0.0, 2 * np.pi), ylim=(-1.2, 1.2), title="the same sphere unrolled")
     chart.set(xlabel="φ = π/4 + arctan(γ₁/γ₂) [rad], full circle", ylabel="γ₃")
     handles, labels = chart.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 

@@ -147,7 +147,8 @@ def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> Cro
 
 def _draw_section(scene: Scene, theory: Crossings, engine: Crossings | None, where: str) -> Figure:
     """Draw the points of the section on the annulus, paler if g falls."""
-    figure, axes = panels(f"{scene.title}: section {where}", (8.0, 6.0))
+    heading = f"{scene.name}, section {where}: {len(theory.l)} points"
+    figure, axes = panels(heading, (8.0, 6.0))
     # Many points need small dots, so that a curve is not filled.
     size = 1.2 if len(theory.l) >= 5000 else 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
@@ -162,10 +163,8 @@ def _draw_section(scene: Scene, theory: Crossings, engine: Crossings | None, whe
             half = points[points.directions == direction]
             label = f"{name}{side}"
             axes.plot(half.l % (2 * np.pi), half.L, mark, alpha=alpha, label=label, **style)
-    size = max(float(np.linalg.norm(scene.start.momentum)), float(np.abs(theory.L).max()))
-    axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]")
-    axes.set(xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))
-    axes.legend(loc="best", markerscale=2 if engine is None else 1)
+    axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]", xlim=(0, 2 * np.pi))
+    figure.legend(loc="outside lower center", ncols=4, markerscale=2, frameon=False)
     return figure
 
 

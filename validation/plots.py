@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robotball.rotations import Array
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
     from .agreement import Agreement
 
-_MOST = 50_000  # points of a line, a dozen for each column of pixels
 # A relative error below the rounding of 1 has no meaning, and 0 has no logarithm.
 LEAST = 1e-17
 # Inches: the width of a picture, the left and right ends of its panels, the height of an error
@@ -65,20 +63,6 @@ def framed(agreements: Sequence["Agreement"]) -> Array:
     return np.column_stack([ends.mean(axis=1) - half, ends.mean(axis=1) + half])
 
 
-def _thinned(values: Array) -> Array:
-    return values[:: 1 + len(values) // _MOST]
-
-
-def extremes(values: Array) -> NDArray[np.int64]:
-    """Return the indices of values (n,) to draw: all, or the extremes of bins if there are many."""
-    if len(values) <= _MOST:
-        return np.arange(len(values))
-    bins = np.array_split(np.arange(len(values)), _MOST // 2)
-    # Thinning would lose short peaks.
-    ends = [sorted((b[values[b].argmin()], b[values[b].argmax()])) for b in bins]
-    return np.array(ends).ravel()
-
-
 def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
     """Draw the paths of the contact points, and their distance over time below."""
     from robotball.view.tracks import draw_slips, line_looks, slip_parts, slips_of
@@ -86,17 +70,17 @@ def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
     theory, (x, y) = agreements[0].theory, framed(agreements)
     height = (_RIGHT - _LEFT) * float(np.ptp(y) / np.ptp(x))
     figure, (paths, errors) = _panels(agreements, "path", height, _HIGH)
-    path, (own, looks) = _thinned(theory.contact_point), _looks(agreements)
+    path, (own, looks) = theory.contact_point, _looks(agreements)
     _draw(paths, own, 0, path)
     for i, (look, run) in enumerate(zip(looks, agreements, strict=True), 1):
-        _draw(paths, look, i, _thinned(run.motion.contact_point), run.finished)
+        _draw(paths, look, i, run.motion.contact_point, run.finished)
     paths.set_title("contact point on the plane, to one scale")
     for other in others(agreements):
         colour = line_looks([theory, agreements[0].motion, other])[-1].colour
         label = "equations with this friction" if slips_of(other) else "equations without slip"
-        paths.plot(*_thinned(other.contact_point).T, "-.", color=colour, label=label)
+        paths.plot(*other.contact_point.T, "-.", color=colour, label=label)
         paths.set_title(agreements[0].slip.split if agreements[0].slip else "", size=10)
-    parts = slip_parts(slips_of(theory), _thinned(theory.times))
+    parts = slip_parts(slips_of(theory), theory.times)
     draw_slips(paths, [path[part] for part in parts])
     paths.plot(*path[0], "ko", markersize=8, zorder=4, label="start")
     if not all(run.finished for run in agreements):
@@ -200,9 +184,8 @@ def _draw_errors(
     low = any((values[1:] < least).any() for values in errors)
     axes.set_xlabel("time [s]" + f"; errors below {least:.0e} are drawn there" * low)
     for i, (look, run, values) in enumerate(zip(looks, agreements, errors, strict=True), 1):
-        shown = 1 + extremes(values[1:])
-        heights = np.maximum(values[shown], least)
-        _draw(axes, look, i, np.column_stack([run.motion.times[shown], heights]), run.finished)
+        heights = np.maximum(values[1:], least)
+        _draw(axes, look, i, np.column_stack([run.motion.times[1:], heights]), run.finished)
     draw_slips(axes, slips=slips_of(agreements[0].theory))
     named = figure.axes[0].get_legend_handles_labels()
     place = (0.5, 1 - 0.5 / figure.get_figheight())

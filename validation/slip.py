@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 from robotball import Engine, InputError, Motion, integrate
 from robotball.errors import percent
@@ -10,9 +10,6 @@ from robotball.motion import ContactMotion, ReferenceMotion, path_error
 from robotball.robot.scene import Friction, Scene
 
 from .output import known
-
-if TYPE_CHECKING:
-    from .agreement import Agreement
 
 _SHOWN = 3  # intervals of slip in a text
 _STEPS = 2000  # 1/s, most steps of another motion; fig12 takes 180
@@ -78,7 +75,7 @@ class Slip:
         return "; ".join(parts)
 
 
-def others(agreements: "Sequence[Agreement]") -> list[ReferenceMotion]:
+def others(agreements: Sequence[Any]) -> list[ReferenceMotion]:
     """Return the motion that differs from the reference in friction alone, for a single run."""
     slip = agreements[0].slip if len(agreements) == 1 else None
     return [slip.other] if slip and slip.other else []

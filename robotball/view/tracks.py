@@ -80,7 +80,7 @@ def label_of(motion: Any) -> str:
     """Return the names of engine and settings: "MuJoCo, fast", "MuJoCo, default settings"."""
     report = getattr(motion, "report", None)
     if report is None:
-        return f"{motion.engine.name}, slipping" if slips_of(motion) else str(motion.engine.name)
+        return str(motion.engine.name)
     if report.settings.name in ("naive", "as-it-comes"):
         return f"{motion.engine.name}, default settings"
     return f"{motion.engine.name}, {report.settings.name}"

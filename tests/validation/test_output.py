@@ -25,9 +25,13 @@ from tests.messages import naming, unnamed
 from tests.robotball.theory.test_friction import regular
 from validation import Agreement, compare
 from validation.cli import parse
-from validation.output import progress_bar, writable_file, write_rows, write_text
+from validation.output import (
+    progress_bar,
+    writable_file,
+    write_rows,
+    write_text,
+)
 from validation.plots import (
-    extremes,
     in_view,
     momentum_picture,
     path_picture,
@@ -307,16 +311,6 @@ def test_a_run_that_flies_away_leaves_the_view() -> None:
     view = np.array([0.0, 2.0])
     assert in_view(view, np.array([0.0, 2.0, 3.0, -1e9, np.nan, np.inf]), 4.0) == (-4.0, 3.0)
     assert in_view(np.array([np.nan]), np.array([np.nan]), 1.0) == (0.0, 0.0)
-
-
-def test_the_extremes_of_a_long_line_are_drawn() -> None:
-    """The extremes of each bin are drawn in order, and all points of a short line."""
-    values = np.random.default_rng(1).normal(size=200_001)
-    shown = extremes(values)
-    assert len(shown) == 50_000
-    assert (np.diff(shown) >= 0).all()
-    assert {values.argmin(), values.argmax()} <= {*shown.tolist()}
-    assert extremes(values[:5]).tolist() == [0, 1, 2, 3, 4]
 
 
 @pytest.mark.parametrize("length", [40, 90, 150, 400])

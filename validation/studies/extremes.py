@@ -217,15 +217,6 @@ def missed(result: Result) -> bool:
     return error is not None and error > WRONG and not (_foretold(result) or _noticed(result))
 
 
-def _is_wrong(error: float | None) -> bool:
-    """Return whether the error is above WRONG, or None because the run broke off."""
-    return error is None or error > WRONG
-
-
-def _is_accurate(error: float | None) -> bool:
-    return error is not None and error <= ACCURATE
-
-
 def measured_limits(results: Sequence[Result]) -> Iterator[dict[str, Any]]:
     """Yield each limit that some cells exceed: where it is predicted, and where runs break.
 
@@ -299,8 +290,9 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
     ended in a state that is not a number.
     """
     ran = [result for result in results if _outcome_of(result) is not Outcome.REFUSED]
-    wrong = [result for result in ran if _is_wrong(_error_of(result))]
-    accurate = [result for result in ran if _is_accurate(_error_of(result))]
+    errors = [np.inf if (error := _error_of(result)) is None else error for result in ran]
+    wrong = [result for result, error in zip(ran, errors, strict=True) if error > WRONG]
+    accurate = [result for result, error in zip(ran, errors, strict=True) if error <= ACCURATE]
     return {
         "runs": len(results),
         "wrong": len(wrong),
@@ -346,7 +338,7 @@ _LIMIT_COLUMNS = (
 )
 
 
-# Two blues apart in lightness and a red: distinct for colour-blind readers, and in print.
+# Distinct for colour-blind readers, and in grey.
 _COLOURS = {
     f"right: error at most {ERROR_TOLERANCE:g}": "#A6D0EA",
     "wrong, with a fault": "#F0B040",

@@ -70,8 +70,8 @@ def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
     theory, (x, y) = agreements[0].theory, framed(agreements)
     height = (_RIGHT - _LEFT) * float(np.ptp(y) / np.ptp(x))
     figure, (paths, errors) = _panels(agreements, "path", height, _HIGH)
-    path, (own, looks) = theory.contact_point, _looks(agreements)
-    _draw(paths, own, 0, path)
+    own, *looks = line_looks([theory, *(run.motion for run in agreements)])
+    _draw(paths, own, 0, theory.contact_point)
     for i, (look, run) in enumerate(zip(looks, agreements, strict=True), 1):
         _draw(paths, look, i, run.motion.contact_point, run.finished)
     paths.set_title("contact point on the plane, to one scale")
@@ -81,8 +81,8 @@ def path_picture(agreements: Sequence["Agreement"]) -> "Figure":
         paths.plot(*other.contact_point.T, "-.", color=colour, label=label)
         paths.set_title(agreements[0].slip.split if agreements[0].slip else "", size=10)
     parts = slip_parts(slips_of(theory), theory.times)
-    draw_slips(paths, [path[part] for part in parts])
-    paths.plot(*path[0], "ko", markersize=8, zorder=4, label="start")
+    draw_slips(paths, [theory.contact_point[part] for part in parts])
+    paths.plot(*theory.contact_point[0], "ko", markersize=8, zorder=4, label="start")
     if not all(run.finished for run in agreements):
         paths.plot([], [], "kX", markersize=9, label="a run breaks off")
     paths.set(xlim=x, ylim=y, xlabel="X [m]", ylabel="Y [m]", aspect="equal")
@@ -103,14 +103,6 @@ def momentum_picture(agreements: Sequence["Agreement"]) -> "Figure":
 
 
 PICTURES = {"path": path_picture, "momentum": momentum_picture}
-
-
-def _looks(agreements: Sequence["Agreement"]) -> "tuple[LineStyle, list[LineStyle]]":
-    """Return the styles of the reference and of the runs."""
-    from robotball.view.tracks import line_looks
-
-    own, *looks = line_looks([agreements[0].theory, *(run.motion for run in agreements)])
-    return own, looks
 
 
 def _panels(
@@ -178,9 +170,10 @@ def _draw_errors(
 
     They are drawn down to rounding, without the start, where they are 0.
     """
-    from robotball.view.tracks import draw_slips, slips_of
+    from robotball.view.tracks import draw_slips, line_looks, slips_of
 
-    least, axes, (_, looks) = LEAST * scale, figure.axes[-1], _looks(agreements)
+    least, axes = LEAST * scale, figure.axes[-1]
+    _, *looks = line_looks([agreements[0].theory, *(run.motion for run in agreements)])
     low = any((values[1:] < least).any() for values in errors)
     axes.set_xlabel("time [s]" + f"; errors below {least:.0e} are drawn there" * low)
     for i, (look, run, values) in enumerate(zip(looks, agreements, errors, strict=True), 1):

@@ -13,7 +13,6 @@ from rich.markup import escape
 
 from robotball.engines.mujoco import LABEL
 from robotball.motion import Motion, versions
-from robotball.rotations import Array
 from robotball.user_model.robot_file import friction_source
 from robotball.view.tracks import PRESET_LOOKS
 from robotball.view.web import view_fragment, view_head
@@ -236,8 +235,7 @@ def _picture(checked: Checked) -> Figure:
     name = "repaired" if seen.user.robot.repairs else "unmodified"
     compared = seen.motion.times <= end
     times, path = seen.motion.times[compared], seen.symptoms.path[compared]
-    cross = {"marker": "X", "ms": 11, "mec": "white"}
-    curves: list[tuple[str, Array, Array, str, dict[str, Any]]]
+    cross: dict[str, Any] = {"marker": "X", "ms": 11, "mec": "white"}
     curves = [(name, times, path, LABEL.colour, cross)]
     if seen.symptoms.failure:
         good = times < until

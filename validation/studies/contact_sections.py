@@ -147,8 +147,7 @@ def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> Cro
 
 def _draw_section(scene: Scene, theory: Crossings, engine: Crossings | None, where: str) -> Figure:
     """Draw the points of the section on the annulus, paler if g falls."""
-    heading = f"{scene.name}, section {where}: {len(theory.l)} points"
-    figure, axes = panels(heading, (8.0, 6.0))
+    figure, axes = panels(f"{scene.name}, section {where}: {len(theory.l)} points", (8.0, 6.0))
     # Many points need small dots, so that a curve is not filled.
     size = 1.2 if len(theory.l) >= 5000 else 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]

@@ -251,7 +251,7 @@ def python_text(run: Row) -> str:
 def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> "Figure":
     """Draw engines' costs against their errors, and label each engine at its smallest error.
 
-    Engines that are not on the Pareto front are grey; the second version of an engine is pale.
+    Engines that are not on the Pareto front are grey.
     """
     within = [run for run in runs if run["usable"] and run["error"] <= _SAID]
     within.sort(key=itemgetter("cost"), reverse=True)
@@ -262,20 +262,17 @@ def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> "Figure":
     heading = f"{name}: an error of {_SAID:g} {finding}"
     figure, axes = cost_axes(heading, f"{errors}, relative to the path's length")
     ahead = {run["contestant"]: run["colour"] for run in runs if run["on_the_pareto_front"]}
-    drawn = set[str]()
     for contestant in dict.fromkeys(run["contestant"] for run in runs):
         own_runs = [run for run in runs if run["contestant"] == contestant]
         engine, version, mark = (own_runs[0][key] for key in ("label", "version", "marker"))
         colour, smallest = ahead.get(contestant, FAINT), list[tuple[float, float]]()
-        style: Any = {"color": colour, "linewidth": 1, "alpha": 0.4 if engine in drawn else 1.0}
-        drawn.add(engine)
+        style: Any = {"color": colour, "linewidth": 1, "zorder": 2 + (contestant in ahead)}
         for _, group in groupby(own_runs, _key):
             line = [*group]
             dashes = _IDEAL if {"all", "constraints"} & {*line[0]["ours"].split(", ")} else "-"
             points = [(min(max(run["error"], _LEAST), 10.0), run["cost"]) for run in line]
             fill = "none" if line[0]["newcomer"] else colour
-            order = 2 + (contestant in ahead)
-            axes.plot(*zip(*points, strict=True), mark + dashes, mfc=fill, zorder=order, **style)
+            axes.plot(*zip(*points, strict=True), mark + dashes, mfc=fill, **style)
             smallest.append(min(points))
         words: Any = {"color": "dimgray" if colour == FAINT else colour, "path_effects": halo()}
         label = in_picture(f"{engine} {version.partition(' on ')[0]}")

@@ -237,16 +237,13 @@ def measured_limits(results: Sequence[Result]) -> Iterator[dict[str, Any]]:
         broke = _blew_up if stability else _broke
         kept, broken = [0.0], []
         for result, nearness in limited:
+            rivals = [it for law, it in nearness.items() if not stability or law in _STABILITY]
             if not broke(result):
                 kept.append(nearness[name])
-            elif nearness[name] == _nearest(nearness, stability):
+            elif nearness[name] == max(rivals):
                 broken.append(nearness[name])
         least = min(broken, default=None)
         yield {"name": name, "kept": max(kept), "broken": least, "cells": beyond}
-
-
-def _nearest(nearness: Mapping[str, float], stability: bool) -> float:
-    return max(value for name, value in nearness.items() if not stability or name in _STABILITY)
 
 
 def _blew_up(result: Result) -> bool:
@@ -358,24 +355,13 @@ def _map_picture(name: str, results: Sequence[Result]) -> Figure:
         f"{name}: {best} is right in {right[best]:.0%} of runs, {worst} in {right[worst]:.0%}; "
         f"{silent} of {wrong} errors without a fault"
     )
-    across = min(_ACROSS, len(integrators))
-    rows = len(cells) * -(-len(integrators) // across)
-    figure, grid = panels(
-        heading,
-        (_WIDE, _PANEL * rows + _ABOVE),
-        rows,
-        across,
-        squeeze=False,
-        sharex=True,
-        sharey=True,
-    )
-    places = grid.reshape(len(cells), -1)
-    for axes in grid.flat:
-        axes.set_axis_off()
-    for i, j in np.ndindex(cells.shape[:2]):
-        count = cells.shape[2]
-        first = (i * len(integrators) + j) * count
-        _panel(places[i, j], results[first : first + count], cells[i, j])
+    panels_of = np.array(results, dtype=object).reshape(-1, cells.shape[2])
+    across = len(integrators) if len(integrators) % _ACROSS else _ACROSS
+    rows = len(panels_of) // across
+    size = _WIDE, _PANEL * rows + _ABOVE
+    figure, grid = panels(heading, size, rows, across, squeeze=False, sharex=True, sharey=True)
+    for axes, runs in zip(grid.flat, panels_of, strict=True):
+        _panel(axes, runs.tolist())
     grid[-1, across // 2].set_xlabel(chosen.x.label, size="large")
     figure.supylabel(chosen.y.label)
     handles: list[Any] = [Patch(color=colour, label=label) for label, colour in _COLOURS.items()]
@@ -395,14 +381,14 @@ def _colour_of(result: Result) -> float:
     return float(wrong + (wrong and not _noticed(result)))
 
 
-def _panel(axes: Axes, results: Sequence[Result], codes: Array) -> None:
+def _panel(axes: Axes, results: Sequence[Result]) -> None:
     xs, ys = (sorted({result.cell[key] for result in results}) for key in ("x", "y"))
     shape, first = (len(ys), len(xs)), results[0].cell
-    axes.set_axis_on()
     axes.grid(visible=False)
+    codes = np.reshape([*map(_colour_of, results)], shape)
     colours: Any = {"cmap": ListedColormap([*_COLOURS.values()]), "vmin": -0.5, "vmax": 2.5}
     # Cells come row by row. They have equal sizes, although their values may be decades apart.
-    axes.pcolormesh(codes.reshape(shape), edgecolors="white", linewidth=0.5, **colours)
+    axes.pcolormesh(codes, edgecolors="white", linewidth=0.5, **colours)
     nearest = [max(_nearness(result).values(), default=np.nan) for result in results]
     # Contours need finite values; far from a limit only the side matters.
     sides = np.pad(np.log10(np.clip(nearest, 1e-6, 1e6)).reshape(shape), 1, mode="edge")

@@ -21,7 +21,6 @@ from robotball.robot.looks import FAINT, INK
 
 from ..options import AGREES, Sweep, chosen, seconds_of
 from ..output import halo, in_picture, writable_folder, write_record
-from ..plots import note, separate
 from ..sensitivity import chaotic
 from ..study import (
     CANCELLED,
@@ -253,6 +252,8 @@ def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> "Figure":
 
     Engines that are not on the Pareto front are grey.
     """
+    from ..plots import note, separate  # a list of engines has no picture
+
     within = [run for run in runs if run["usable"] and run["error"] <= _SAID]
     within.sort(key=itemgetter("cost"), reverse=True)
     costs = {run["label"]: run["cost"] for run in within}  # the lowest cost of each engine

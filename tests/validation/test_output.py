@@ -19,6 +19,7 @@ import robotball as rb
 from robotball.engines.engine import engine_named, engine_names
 from robotball.engines.mujoco import LABEL
 from robotball.files.replacing import replacing
+from robotball.motion import path_error
 from robotball.theory.reduced import LABEL as EQUATIONS
 from robotball.view.tracks import PRESET_LOOKS, line_looks, slip_parts
 from tests.messages import naming, unnamed
@@ -37,6 +38,7 @@ from validation.plots import (
     path_picture,
 )
 from validation.results import changed, file_name, file_stem, scenes_of
+from validation.slip import others
 from validation.studies.extremes import round_ticks
 from validation.study import Column, Row, Study, present, table_of
 
@@ -216,6 +218,19 @@ def test_pictures_show_where_a_ball_slips() -> None:
     (band,) = pictures[0].axes[0].collections
     assert len(band.get_paths()) == len(agreement.theory.slipping) == 3
     assert "is constant" in pictures[1].axes[0].get_title()
+    assert "equations without slip" in pictures[0].axes[0].get_legend_handles_labels()[1]
+
+
+def test_the_picture_of_a_run_with_too_little_friction_splits_its_error() -> None:
+    """It has the ball with this friction, and the parts of friction and engine as its title."""
+    agreement = compare("fig12", TIMES, settings="naive")
+    paths = path_picture([agreement]).axes[0]
+    assert "equations with this friction" in paths.get_legend_handles_labels()[1]
+    assert agreement.slip is not None
+    assert paths.get_title() == agreement.slip.split
+    (ball,) = others([agreement])
+    assert path_error(ball, agreement.theory) == agreement.slip.by_friction
+    assert others([agreement, agreement]) == []
 
 
 def test_a_slip_between_two_samples_is_shown() -> None:

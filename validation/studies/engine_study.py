@@ -260,7 +260,7 @@ def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> "Figure":
     cheapest = sorted(costs.items(), key=itemgetter(1))[:2]
     times = ", ".join(f"{cost * 1e3:.2g} ms with {label}" for label, cost in cheapest)
     finding = f"costs {times}" if times else "is reached by no engine"
-    heading = f"{name}: an error of {_SAID:g} {finding}"
+    heading = f"{name}: error {_SAID:g} {finding}"
     figure, axes = cost_axes(heading, f"{errors}, relative to the path's length")
     ahead = {run["contestant"]: run["colour"] for run in runs if run["on_the_pareto_front"]}
     for contestant in dict.fromkeys(run["contestant"] for run in runs):

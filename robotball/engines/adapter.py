@@ -310,6 +310,12 @@ def spin_damping(scene: Scene, settings: SpinSettings, step: float) -> float:
     return settings.spin_part * float(np.linalg.eigvalsh(scene.ball.inertia)[0]) / step
 
 
+def under_friction(scene: Scene, settings: Any) -> Any:
+    """Return settings with the coefficients of friction that the scene limits, if they have any."""
+    limits = without_none(friction=scene.friction.sliding, torsional=scene.friction.torsional)
+    return replace(settings, **{name: limits[name] for name in limits if hasattr(settings, name)})
+
+
 def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | None:
     """Return a line if the contact lacks torsional friction that the ball needs, else None."""
     if scene.rolling == "classical":
@@ -320,7 +326,7 @@ def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | N
 def spins(scene: Scene, settings: SpinSettings) -> str | None:
     """Return a line if the shell spins freely or with our damping, else None."""
     if getattr(settings, "ideal", None):
-        return None
+        return "its ball never slips, under constraints of ours" if scene.may_slip else None
     damped = ["a torque of ours damps the spin"] if settings.spin_part else []
     return no_torsion(scene, *damped)
 
@@ -363,6 +369,8 @@ class Adapter(Engine):
         Whether its worlds can change gravity during a run.
     rolls_unbalanced : bool
         Whether its worlds also roll balls that are not balanced, and on tilted planes.
+    resists_spin : bool
+        Whether its contact has torsional friction.
     environments : Path
         The folder of engine environments.
     """
@@ -376,6 +384,7 @@ class Adapter(Engine):
     default: str = "best"
     sets_gravity: bool = False
     rolls_unbalanced: bool = False
+    resists_spin: bool = False
     environments: Path = ENVIRONMENTS
 
     @property
@@ -394,6 +403,8 @@ class Adapter(Engine):
         """Return in one line why its adapter cannot roll the scene, or None."""
         if scene.plane_moves and not self.sets_gravity:
             return "its adapter keeps gravity constant, but this plane moves"
+        if scene.slip_limits[2] < np.inf and not self.resists_spin:
+            return "its contact has no torsional friction, which this scene limits"
         if self.rolls_unbalanced:
             return _beyond_given_rates(scene)
         if scene.not_reduced:
@@ -440,8 +451,8 @@ class Adapter(Engine):
 
         Returns their State rows (n, k, 13 + 2h), and what `motions_of` needs besides.
         """
-        settings = as_own(request.settings, type(self.presets[self.default]), self.label)
-        scene = scenes[0]
+        scene, kind = scenes[0], type(self.presets[self.default])
+        settings = under_friction(scene, as_own(request.settings, kind, self.label))
         # Do not refuse: the comparison of engines measures the effect of such a lack.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")

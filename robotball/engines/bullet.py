@@ -11,15 +11,15 @@ from robotball.engines import adapter
 from robotball.engines.states import State, force_on_ball, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.robot.scene import Scene
-from robotball.rotations import Array, conjugate, multiply
+from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 
 
 @dataclass(frozen=True, kw_only=True)
 class _BulletSettings(adapter.StepSettings):
     """Settings of a PyBullet run."""
 
-    lateral_friction: float | None = None  # of the ball; Bullet uses at most 10
-    spinning_friction: float | None = None  # for rubber balls only
+    friction: float | None = None  # of the ball; Bullet uses at most 10
+    torsional: float | None = None  # m, against spin; for rubber balls only
     motor_force: float = 1e3  # N m, largest torque of a hinge's velocity motor
     damping: float | None = None  # of all links
     most_rate: float | None = None  # rad/s, at which Bullet clips hinge rates
@@ -43,6 +43,7 @@ class _BulletWorld(adapter.ServoWorld):
         n, sphere = len(hung), p.createCollisionShape(p.GEOM_SPHERE, radius=scene.ball.radius)
         self.ball = p.createMultiBody(
             shell.mass, sphere, basePosition=start.centre, baseOrientation=_xyzw(start.attitude),
+            baseInertialFramePosition=shell.centre,
             baseInertialFrameOrientation=_xyzw(self.principal),
             linkMasses=[link.mass for link in hung], linkCollisionShapeIndices=[-1] * n,
             linkVisualShapeIndices=[-1] * n, linkPositions=[link.pivot for link in hung],
@@ -60,18 +61,21 @@ class _BulletWorld(adapter.ServoWorld):
             dynamics = adapter.without_none(localInertiaDiagonal=diagonal.tolist(), **options)
             for name, value in dynamics.items():
                 p.changeDynamics(self.ball, i, **{name: value})
-        spinning = settings.spinning_friction if scene.rolling == "rubber" else None
-        friction = {"lateralFriction": settings.lateral_friction, "spinningFriction": spinning}
+        spinning = settings.torsional if scene.rolling == "rubber" else None
+        friction = {"lateralFriction": settings.friction, "spinningFriction": spinning}
         for name, value in adapter.without_none(**friction).items():
-            # Bullet multiplies the coefficients of both bodies: 1 on the plane keeps the ball's
-            # coefficient.
-            p.changeDynamics(plane, -1, **{name: 1.0})
+            # Bullet multiplies the friction of both bodies, and the spinning friction of each by
+            # the friction of the other: 1 and 0 on the plane keep the ball's coefficients.
+            p.changeDynamics(plane, -1, lateralFriction=1.0)
             p.changeDynamics(self.ball, -1, **{name: value})
         self.friction = p.getDynamicsInfo(plane, -1)[1] * p.getDynamicsInfo(self.ball, -1)[1]
+        # The base's frame is at its centre of mass.
+        self.offset, lever = shell.centre, rotation_matrix(start.attitude) @ shell.centre
         p.resetBasePositionAndOrientation(
-            self.ball, start.centre, _xyzw(multiply(start.attitude, self.principal))
+            self.ball, start.centre + lever, _xyzw(multiply(start.attitude, self.principal))
         )
-        p.resetBaseVelocity(self.ball, start.velocity, start.omega)
+        velocity = start.velocity + np.cross(start.omega, lever)
+        p.resetBaseVelocity(self.ball, velocity, start.omega)
         for i, rate in enumerate(start.rates.tolist()):
             p.resetJointState(self.ball, i, 0.0, rate)
         self.set_rates(start.rates)
@@ -94,10 +98,10 @@ class _BulletWorld(adapter.ServoWorld):
         velocity, omega = self.p.getBaseVelocity(self.ball)
         hinges = self.p.getJointStates(self.ball, range(len(self.scene.drives)))
         attitude = multiply(np.roll(quaternion, 1), conjugate(self.principal))
-        angles, rates = (np.array([hinge[i] for hinge in hinges]) for i in (0, 1))
-        return State(
-            np.array(position), np.array(velocity), attitude, np.array(omega), angles, rates
-        )
+        angles, rates = (np.array([hinge[i] for hinge in hinges], float) for i in (0, 1))
+        lever = rotation_matrix(attitude) @ self.offset
+        velocity = velocity - np.cross(omega, lever)
+        return State(position - lever, velocity, attitude, np.array(omega), angles, rates)
 
     def force(self) -> Array:
         # For each contact: the normal and two friction directions, with their forces.
@@ -119,7 +123,7 @@ _AS_IT_COMES = _BulletSettings(
 # parameters change nothing: the remaining error comes from the integrator.
 _BEST = _BulletSettings(
     name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, motor_force=1e9,
-    lateral_friction=20.0, spinning_friction=20.0, damping=0.0, most_rate=1e6,
+    friction=20.0, torsional=20.0, damping=0.0, most_rate=1e6,
 )  # fmt: skip
 
 BULLET = adapter.Adapter(
@@ -129,4 +133,6 @@ BULLET = adapter.Adapter(
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
     world=_BulletWorld,
     sets_gravity=True,
+    rolls_unbalanced=True,
+    resists_spin=True,
 )

@@ -5,7 +5,7 @@ semi-implicit Euler only.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,6 +21,9 @@ class _DartSettings(adapter.PointSettings):
     """Settings of a DART run."""
 
     friction: float | None = None  # of ball and plane
+    law: Literal["Coulomb", "Associated", "Box"] | None = (
+        None  # of friction; None: a box by Dantzig
+    )
 
 
 def _skeleton(scene: Scene, dart: Any) -> Any:
@@ -64,6 +67,11 @@ class _DartWorld(adapter.ServoWorld):
         self.damping = adapter.spin_damping(scene, settings, step)
         self.world.setTimeStep(step)
         self.set_gravity(scene.gravity_at(0.0))
+        if settings.law is not None:
+            friction = dartpy.constraint.NsgsFrictionSolver
+            options = friction.Options()
+            options.law = getattr(friction.Law, settings.law)
+            self.world.getConstraintSolver().setBoxedLcpSolver(friction(options))
         ground = dartpy.dynamics.Skeleton("ground")
         _, plane = ground.createWeldJointAndBodyNodePair()
         ground.setMobile(False)
@@ -142,10 +150,14 @@ DART = adapter.Adapter(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3, spin_part=0.0),
         # The ball needs a friction of 1.2. The rest is the error of the first-order integrator.
         _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
+        _DartSettings(
+            name="slip", error_tolerance=5e-2, timestep=1e-3, friction=20.0, law="Coulomb"
+        ),
         # DOP853 chooses its steps; the timestep is the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
     world=adapter.either(_DartWorld, _DartDynamics),
     sets_gravity=True,
+    rolls_unbalanced=True,
     lacks=adapter.spins,
 )

@@ -72,7 +72,7 @@ def _add_plant(
     plant.RegisterCollisionGeometry(plant.world_body(), ground, HalfSpace(), "plane", friction)
     sphere = Sphere(scene.ball.radius + depth / 2)
     plant.RegisterCollisionGeometry(bodies["shell"], RigidTransform(), sphere, "sphere", friction)
-    plant.mutable_gravity_field().set_gravity_vector([0, 0, -scene.gravity])
+    plant.mutable_gravity_field().set_gravity_vector(scene.gravity_at(0.0))
     plant.Finalize()
     if settings.stiction is not None:
         plant.set_stiction_tolerance(settings.stiction)
@@ -243,5 +243,6 @@ DRAKE = adapter.Adapter(
     extra="drake",
     presets=adapter.by_name(_AS_IT_COMES, _DISCRETE, _BEST, _IDEAL),
     world=adapter.either(_DrakeWorld, _DrakeDynamics),
+    rolls_unbalanced=True,
     lacks=adapter.spins,
 )

@@ -51,7 +51,9 @@ class _GenesisWorld(adapter.ServoWorld):
         )  # fmt: skip
         self.world = gs.Scene(
             show_viewer=False,
-            sim_options=gs.options.SimOptions(dt=step, gravity=(0.0, 0.0, -scene.gravity)),
+            sim_options=gs.options.SimOptions(
+                dt=step, gravity=tuple(scene.gravity_at(0.0).tolist())
+            ),
             rigid_options=gs.options.RigidOptions(**options),
         )
         material = gs.materials.Rigid(friction=settings.friction, friction_torsional=torsional)
@@ -158,5 +160,7 @@ GENESIS = adapter.Adapter(
     extra="genesis",
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
     world=_GenesisWorld,
+    rolls_unbalanced=True,
+    resists_spin=True,
     lacks=_lacks,
 )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
+from robotball.engines.mujoco.settings import PRESETS, Prescribed, for_slip
 from robotball.engines.states import State, force_in, links_of, start_states
 from robotball.motion import Label
 from robotball.robot.scene import Scene
@@ -31,9 +32,11 @@ class _NewtonSettings(adapter.StepSettings):
     iterations: int | None = None
     tolerance: float | None = None
     friction: float | None = None  # of ball and plane
+    torsional: float | None = None  # m, against spin, if the impedance is set; default: a radius
     armature: float | None = None  # kg m², reflected inertia of the hinges, in place of servos
     impedance: float | None = None  # of the contact; slip then decays slowly
     noslip: int | None = None  # iterations of the solver's noslip pass
+    slips: bool = False  # take MuJoCo's recipe for a ball that slips, in place of the three before
     kept: bool = False  # keep the state in the solver, in double precision; deprecated by Newton
     device: str | None = None  # "cpu" or "cuda": step with Warp; None: one ball with MuJoCo
 
@@ -52,12 +55,21 @@ class _NewtonWorld(adapter.CapturedWorld):
         if settings.device is not None:
             caps = {n: min(v, cap) for n, cap in _WARP_CAPS.items() if (v := getattr(settings, n))}
             settings = replace(settings, **caps)
+        self.law = for_slip(scene, PRESETS["balanced"], step) if settings.slips else None
+        impratio, constant = None, _TIME_CONSTANT
+        if (law := self.law) is not None and law.solimp and isinstance(law.drive, Prescribed):
+            impratio, constant = law.impratio, step
+            settings = replace(
+                settings, iterations=law.iterations, tolerance=law.tolerance, noslip=None,
+                impedance=law.solimp[0], armature=law.drive.armature,
+            )  # fmt: skip
         self.settings, d = settings, settings.impedance
         # The depth at which the contact carries the ball from the start.
-        self.depth = scene.gravity * (1 - d) * _TIME_CONSTANT**2 if d is not None else 0.0
+        self.depth = scene.gravity * (1 - d) * constant**2 if d is not None else 0.0
         self.starts = start_states(scenes or [scene])
         options = ("integrator", "cone", "iterations", "tolerance")
-        chosen = adapter.without_none(**{name: getattr(settings, name) for name in options})
+        given = {name: getattr(settings, name) for name in options}
+        chosen = adapter.without_none(impratio=impratio, **given)
         if settings.kept:
             chosen["update_data_interval"] = 0
         alone = settings.device is None
@@ -88,7 +100,7 @@ class _NewtonWorld(adapter.CapturedWorld):
     def _model(self, newton: Any) -> Any:
         """Return Newton's model of the balls at their initial states, a world each."""
         wp, scene, settings = self.warp, self.scene, self.settings
-        gravity = wp.vec3(0.0, 0.0, -scene.gravity)
+        gravity = wp.vec3(*scene.gravity_at(0.0))
         ball, whole = (newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=gravity) for _ in "12")
         for builder in (ball, whole):
             newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
@@ -120,13 +132,16 @@ class _NewtonWorld(adapter.CapturedWorld):
         ball.add_articulation(joints)
         plane = ball.add_ground_plane(cfg=material)
         if settings.impedance is not None and settings.friction is not None:
-            mu, d = settings.friction, settings.impedance
+            mu, d, spin = settings.friction, settings.impedance, settings.torsional
+            spin = mu * scene.ball.radius if spin is None else spin
             pair = {
                 "geom1": plane, "geom2": sphere, "condim": 4 if scene.rolling == "rubber" else 3,
-                "friction": [mu, mu, mu * scene.ball.radius, 0.0, 0.0],
+                "friction": [mu, mu, spin, 0.0, 0.0],
                 "solref": [_TIME_CONSTANT, 1.0], "solreffriction": [-1.0, -0.5],
                 "solimp": [d, d, 1e-3, 0.5, 1.0],
             }  # fmt: skip
+            if self.law is not None:
+                pair |= {name: getattr(self.law, name) for name in ("solref", "solreffriction")}
             ball.add_custom_values(**{f"mujoco:pair_{name}": pair[name] for name in pair})
         starts, self.n = self.starts, len(self.starts.centre)
         whole.replicate(ball, self.n)
@@ -198,7 +213,14 @@ NEWTON = adapter.Adapter(
     label=Label("Newton", _VERSION, "#117733", "*"),
     packages=("newton",),
     extra="newton",
-    presets=adapter.by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),
+    presets=adapter.by_name(
+        _AS_IT_COMES,
+        _BEST,
+        replace(_BEST, name="kept", kept=True),
+        replace(_BEST, name="slip", timestep=1e-3, slips=True),
+    ),
     world=_NewtonWorld,
+    rolls_unbalanced=True,
+    resists_spin=True,
     lacks=_lacks,
 )

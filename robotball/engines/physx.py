@@ -37,7 +37,7 @@ class _PhysxSettings(adapter.StepSettings):
     armature: float | None = None  # kg m², reflected inertia of the hinges
     damping: float | None = None  # 1/s, of each body's angular velocity
     most_rate: float | None = None  # rad/s, at which PhysX clips the bodies' initial rates
-    patch: float | None = None  # m, radius of the contact patch against spin; for rubber balls only
+    torsional: float | None = None  # m, against spin; for rubber balls only
     iterations: int | None = None  # of the solver, for positions
     threads: int | None = None  # of the solver, beside Python's
 
@@ -159,7 +159,9 @@ def _usd(scene: Scene, start: State, settings: _PhysxSettings) -> str:
                 "float physxArticulation:sleepThreshold": 0.0,  # a slow ball must not fall asleep
                 "float physxContactReport:threshold": 0.0,
             }
-            patch = settings.patch if scene.rolling == "rubber" else None
+            patch = None  # m, radius of the contact patch, whose friction resists spin
+            if scene.rolling == "rubber" and settings.torsional and settings.friction:
+                patch = settings.torsional / settings.friction
             surface = _ROUGH | {
                 "double radius": scene.ball.radius,
                 "float physxCollision:torsionalPatchRadius": patch,
@@ -220,7 +222,7 @@ _AS_IT_COMES = _PhysxSettings(
 # hinge angles more often. With worker threads a step takes 50 times the processor time.
 _BEST = _PhysxSettings(
     name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, friction=20.0, gain=1e8,
-    armature=1e4, damping=0.0, most_rate=1e6, patch=20.0, iterations=20, threads=0,
+    armature=1e4, damping=0.0, most_rate=1e6, torsional=400.0, iterations=20, threads=0,
 )  # fmt: skip
 
 
@@ -231,5 +233,6 @@ PHYSX = adapter.Adapter(
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
     world=_PhysxWorld,
     rolls_unbalanced=True,
+    resists_spin=True,
     lacks=adapter.in_single_precision,
 )

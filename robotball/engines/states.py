@@ -119,7 +119,8 @@ def start_states(scenes: Sequence[Scene]) -> State:
         turning = np.array(omega).T @ axes.T
     rates = np.array([[float(drive.rate(0.0)) for drive in scene.drives]] * len(starts))
     # The scene gives the frame's ω; the shell turns against it at the first hinge's rate.
-    shell_omega = np.einsum("nij,nj->ni", R, turning - rates[:, :1] * shell.axis)
+    turned = rates[:, :1].sum(axis=1, keepdims=True) * shell.axis  # 0 without a frame
+    shell_omega = np.einsum("nij,nj->ni", R, turning - turned)
     centre = np.tile(scene.ball.radius * _UP, (len(starts), 1))
     velocity = np.cross(shell_omega, centre) + slip * [1.0, 1.0, 0.0]
     return State(centre, velocity, attitude, shell_omega + slip * _UP, 0.0 * rates, rates)
@@ -184,7 +185,7 @@ def _frame_and_momentum(scene: Scene, state: State) -> tuple[Array, Array, Array
         arm = pivot + lever - state.centre * (1.0 - _UP)
         central = np.einsum("nij,jk,nlk,nl->ni", R, link.inertia, R, omega)
         L = L + central + link.mass * np.cross(arm, pivot_velocity + np.cross(omega, lever))
-        if link.name == "frame":
+        if link.name in ("shell", "frame"):  # the frame follows the shell, if there is one
             attitude, frame_omega = q, omega
     return attitude, frame_omega, L
 

@@ -24,7 +24,13 @@ from robotball import InputError, engine_named, engine_names, integrate, load_sc
 from robotball.engines.adapter import Adapter, not_installed
 from robotball.engines.engine import DEFAULT, Request, run_request
 from robotball.engines.environments import interpreter_of, make, python_named
-from robotball.motion import ContactMotion, EngineSettings, Motion, measured_time
+from robotball.motion import (
+    ContactMotion,
+    EngineSettings,
+    Motion,
+    ReferenceMotion,
+    measured_time,
+)
 from robotball.rotations import Array, rotation_matrix
 
 from ..agreement import Agreement
@@ -36,6 +42,7 @@ _ENOUGH = 1.0  # s of processor time; a longer run is timed once
 LOOSEST = 0.3  # error tolerance of runs whose preset has no tolerance for their value
 _FIXED_WORK = bytes(1 << 23)  # the time of hashing these bytes measures the machine's current speed
 _UP = np.array([0.0, 0.0, 1.0])
+_SLOW = 0.1  # of the largest slip; the direction of a slower one settles while it ends
 
 
 @dataclass(frozen=True)
@@ -104,7 +111,10 @@ def install(contestant: Contestant, folder: Path, python: str = "") -> Path:
 def run(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Run a cell and return its record: errors, readings, cost and versions."""
     scene = load_scene(cell["scene"])
-    theory = integrate(scene, sample_times(cell["duration"]))
+    # A hop of a ball that slips may be as short as a step.
+    theory = integrate(
+        scene, sample_times(cell["duration"], cell["value"] if scene.may_slip else None)
+    )
     engine = engine_named(cell["engine"])
     preset = engine.presets[cell["preset"]]
     settings = settings_of(preset, cell["field"], cell["value"])
@@ -137,6 +147,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         "steps": report.steps,
         "longest_step": report.timestep,
         **contact_quality(motion, theory),
+        **(slip_quality(motion, theory) if theory.slip is not None else {}),
         "seconds": statistics.median(spent),
         "spread": max(spent) / min(spent) if len(spent) > 1 and min(spent) > 0 else None,
         "python_seconds": known(report.python_seconds),
@@ -193,6 +204,65 @@ def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | 
             error = energy / right[n] - 1.0
             residuals["energy_error"] = error[np.abs(error).argmax()]
     return {name: known(value) for name, value in residuals.items()}
+
+
+def slip_quality(motion: ContactMotion, theory: ReferenceMotion) -> dict[str, float | None]:
+    """Return how well a slipping motion obeys Coulomb's law, against the equations' motion.
+
+    Returns
+    -------
+    dict
+        `late`, the relative error of the time that the first slip takes; `askew`, the mean angle of
+        the friction to the direction against the slip, weighted with the friction [deg];
+        `most_force`, the largest normal force over the largest of the equations; `hop`, the largest
+        height of the ball above the plane [m]. None if unknown, and `late` also if the ball does
+        not stick.
+    """
+    scene, report, force = theory.scene, motion.report, motion.loads.contact_force
+    W = np.where(np.isfinite(scene.slip_limits), scene.slip_limits, 0.0)
+    right, slip = np.linalg.norm(W * theory.slip, axis=1), W * slip_of(motion)
+    (begin, end), own = theory.slipping[0], np.linalg.norm(slip, axis=1)
+    peak = np.where((theory.times >= begin) & (theory.times <= end), right, 0.0).argmax()
+    ends = [_end_of_slip(theory.times, speed, int(peak)) for speed in (right, own)]
+    slides = np.linalg.norm(slip[:, :2], axis=1) > _SLOW * right.max()
+    slides[0] = False  # precedes the first step
+    along = -(slip * force)[slides, :2].sum(axis=1)
+    across = slip[slides, 0] * force[slides, 1] - slip[slides, 1] * force[slides, 0]
+    pull = np.linalg.norm(force[slides, :2], axis=1)
+    angles = np.degrees(np.arctan2(np.abs(across), along))
+    residuals = {
+        "late": (ends[1] - begin) / (ends[0] - begin) - 1,
+        "askew": np.sum(pull * angles) / pull.sum() if pull.any() else np.nan,
+        "most_force": force[1:, 2].max(initial=0.0) / theory.loads.normal_force.max(),
+        "hop": np.max(-report.depth, initial=0.0),
+    }
+    return {name: known(float(value)) for name, value in residuals.items()}
+
+
+def slip_of(motion: Motion) -> Array:
+    """Return the slip (n, 3) of a motion, as in `ReferenceMotion`, from its path and its turning.
+
+    MuJoCo reports no slip of a ball that has left the plane.
+    """
+    hinge = motion.hinge_rates[:, :1].sum(axis=1, keepdims=True)  # 0 without a frame
+    turning = motion.angular_velocity - hinge * motion.scene.ball.shell.axis
+    shell = np.einsum("nij,nj->ni", rotation_matrix(motion.attitude), turning)
+    velocity = np.gradient(motion.contact_point, motion.times, axis=0, edge_order=2)
+    return motion.scene.slip_of(motion.times, motion.contact_point, velocity, shell)
+
+
+def _end_of_slip(times: Array, speed: Array, peak: int) -> float:
+    """Return when a slip (n,) ends, on the line through a half and a tenth of its peak [s].
+
+    NaN if it does not end. MuJoCo's slip decays exponentially in the end.
+    """
+    below = [np.flatnonzero(speed[peak:] < part * speed[peak]) for part in (0.5, _SLOW)]
+    if not len(below[1]):
+        return np.nan
+    k, j = (peak + int(some[0]) for some in below)
+    if k == j:
+        return float(times[k])
+    return float(times[k] + speed[k] * (times[j] - times[k]) / (speed[k] - speed[j]))
 
 
 def kinetic_energy(motion: Motion, depth: Array) -> tuple[Array, Array]:

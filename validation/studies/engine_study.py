@@ -46,6 +46,7 @@ _ROUNDS = 3  # rounds of timing
 _SAID = 1e-6  # the title of the picture has the cost at this error
 _IDEAL = ":"  # line style of runs in which the engine computes its dynamics alone
 _LEAST = 1e-15  # relative error; smaller errors are rounding
+_SLIP_STEPS = (5e-3, 2e-3, 1e-3)  # s, in scenes whose friction is limited
 
 
 _Ladder = tuple[str, tuple[float, ...]]
@@ -64,11 +65,14 @@ class _EngineRow:
         For each preset, the parts of a run that robotball provides instead of the engine.
     source : str
         The page or example of the engine's documentation that its default preset follows.
+    slips : sequence of str
+        The presets to run if the friction of the scene is limited.
     """
 
     ladders: Mapping[str, _Ladder]
     ours: Mapping[str, str] = field(default_factory=dict)
     source: str = ""
+    slips: Sequence[str] = ()
 
 
 def row_of(name: str) -> _EngineRow:
@@ -102,14 +106,17 @@ def cells_of(
     scene: str, contestants: Sequence[Contestant], folder: Path, duration: float, rounds: int
 ) -> list[Cell]:
     """Return a cell for each value of each ladder of each installed engine."""
-    stretches = chaotic(load_scene(scene))
+    loaded = load_scene(scene)
+    stretches = chaotic(loaded)
     shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": stretches}
     cells: list[Cell] = []
     for contestant in contestants:
         if (python := python_of(contestant, folder)) is None:
             continue
         engine = {"contestant": contestant.name, "engine": contestant.engine}
-        for preset, (name, values) in row_of(contestant.engine).ladders.items():
+        row = row_of(contestant.engine)
+        slips = dict.fromkeys(row.slips, ("timestep", _SLIP_STEPS))
+        for preset, (name, values) in (slips if loaded.may_slip else row.ladders).items():
             run = {**shared, **engine, "preset": preset, "field": name}
             cells += [{**run, "value": value, "interpreter": str(python)} for value in values]
     return cells
@@ -219,7 +226,8 @@ def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]
     study = study_of(scene, results)
     name, errors = f"{scene.name} ({scene.rolling})", study["errors"]
     rows = [*study["runs"], *study["failed"]]
-    table = table_of(COLUMNS, rows, lambda row: not row.get("usable"))
+    columns = SLIP_COLUMNS if scene.may_slip else COLUMNS
+    table = table_of(columns, rows, lambda row: not row.get("usable"))
     heading = f"[bold]{escape(name)}: {errors}[/]"
     shown = (heading, table, _NOTE.format(engine_named(DEFAULT).label.name))
     picture = _engines_picture(name, errors, study["runs"])
@@ -238,6 +246,12 @@ COLUMNS = (
     Column("Python", lambda run: python_text(run)), Column("by Python", "python", words=True),
     Column("ours", "ours", words=True),
     Column("first fault", "fault", words=True),
+)  # fmt: skip
+SLIP_COLUMNS = (
+    *COLUMNS[:4],
+    Column("late", "late", "%", form=".2g", scale=100), Column("askew", "askew", "°", form=".2g"),
+    Column("N max", "most_force", form=".4g"), Column("hop", "hop", "mm", form=".2g", scale=1e3),
+    *COLUMNS[-2:],
 )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from robotball.engines import adapter
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, ModelHinge, build, controls_at
-from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
+from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings, for_slip
 from robotball.engines.states import State, force_in, start_states
 from robotball.motion import Label
 from robotball.robot.motors import Servo
@@ -32,6 +32,15 @@ class _ModelSettings(adapter.StepSettings):
     model: Settings
     device: str = "cpu"
     line_search: int | None = None  # iterations of MJX at most
+    slips: bool = False  # take the recipe for a ball that slips, with the servos of `model`
+
+
+def _built(scene: Scene, settings: _ModelSettings, step: float) -> Model:
+    model = replace(settings.model, timestep=step)
+    if settings.slips:
+        law = for_slip(scene, model, step)
+        model = replace(law, drive=model.drive if isinstance(model.drive, Servo) else law.drive)
+    return build(scene, model, sensed=False)
 
 
 class _MjxWorld(adapter.World):
@@ -45,7 +54,7 @@ class _MjxWorld(adapter.World):
         import jax
         from mujoco import mjx
 
-        self.built = build(scene, replace(settings.model, timestep=step), sensed=False)
+        self.built = _built(scene, settings, step)
         start, model = self.built.start_data(), self.built.compiled
         self.friction = model.pair_friction[0, 0]
         if settings.line_search is not None:
@@ -162,9 +171,13 @@ MJX = adapter.Adapter(
     packages=("mujoco.mjx", "jax"),
     extra="mjx",
     presets=adapter.by_name(
-        _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE), _BEST
+        _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
+        _BEST,
+        replace(_BEST, name="slip", timestep=1e-3, slips=True, line_search=None),
     ),
     world=_MjxWorld,
+    rolls_unbalanced=True,
+    resists_spin=True,
 )
 
 
@@ -178,7 +191,7 @@ class _WarpWorld(adapter.CapturedWorld):
         import mujoco_warp
 
         self.engine = mujoco_warp
-        self.built = build(scene, replace(settings.model, timestep=step), sensed=False)
+        self.built = _built(scene, settings, step)
         start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
         # Warp lacks this flag, and does not reset states.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -234,7 +247,10 @@ WARP = adapter.Adapter(
     presets=adapter.by_name(
         _ModelSettings(name="as-it-comes", timestep=2e-3, model=NAIVE, **_LOOSE),
         _ModelSettings(name="best", timestep=20e-3, model=_SINGLE, **_LOOSE),
+        _ModelSettings(name="slip", timestep=1e-3, model=_SINGLE, slips=True, **_LOOSE),
     ),
     world=_WarpWorld,
+    rolls_unbalanced=True,
+    resists_spin=True,
     lacks=adapter.in_single_precision,
 )

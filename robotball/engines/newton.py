@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.mujoco.settings import PRESETS, Prescribed, for_slip
 from robotball.engines.states import State, force_in, links_of, start_states
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
 _TIME_CONSTANT = 0.04  # s, of the contact, if its impedance is set
+_SLIP_IMPEDANCE = 0.2  # 1/s, impedance over timestep of the contact for a ball that slips
 _SERVO = {"target_kd": 1.0, "armature": 0.01}  # N m s/rad and kg m², in preset as-it-comes
 # The largest values for Warp in single precision: with 0.9999 or 1e12 kg m² the ball is thrown off.
 _WARP_CAPS = {"impedance": 0.99, "armature": 1e6}
@@ -36,7 +36,7 @@ class _NewtonSettings(adapter.StepSettings):
     armature: float | None = None  # kg m², reflected inertia of the hinges, in place of servos
     impedance: float | None = None  # of the contact; slip then decays slowly
     noslip: int | None = None  # iterations of the solver's noslip pass
-    slips: bool = False  # take MuJoCo's recipe for a ball that slips, in place of the three before
+    slips: bool = False  # the contact for a ball that slips, in place of impedance and armature
     kept: bool = False  # keep the state in the solver, in double precision; deprecated by Newton
     device: str | None = None  # "cpu" or "cuda": step with Warp; None: one ball with MuJoCo
 
@@ -55,14 +55,13 @@ class _NewtonWorld(adapter.CapturedWorld):
         if settings.device is not None:
             caps = {n: min(v, cap) for n, cap in _WARP_CAPS.items() if (v := getattr(settings, n))}
             settings = replace(settings, **caps)
-        self.law = for_slip(scene, PRESETS["balanced"], step) if settings.slips else None
-        impratio, constant = None, _TIME_CONSTANT
-        if (law := self.law) is not None and law.solimp and isinstance(law.drive, Prescribed):
-            impratio, constant = law.impratio, step
-            settings = replace(
-                settings, iterations=law.iterations, tolerance=law.tolerance, noslip=None,
-                impedance=law.solimp[0], armature=law.drive.armature,
-            )  # fmt: skip
+        impratio, constant, self.length = None, _TIME_CONSTANT, step
+        if settings.slips:  # a critically damped spring, which MuJoCo's cone hardly pushes
+            soft = min(_SLIP_IMPEDANCE * step, 1e-3)
+            impratio, constant = 1e6 / soft, step
+            # A larger armature or tolerance stops the solver too early.
+            armature = 1e10 * scene.ball.mass * scene.ball.radius**2
+            settings = replace(settings, impedance=soft, armature=armature)
         self.settings, d = settings, settings.impedance
         # The depth at which the contact carries the ball from the start.
         self.depth = scene.gravity * (1 - d) * constant**2 if d is not None else 0.0
@@ -140,8 +139,9 @@ class _NewtonWorld(adapter.CapturedWorld):
                 "solref": [_TIME_CONSTANT, 1.0], "solreffriction": [-1.0, -0.5],
                 "solimp": [d, d, 1e-3, 0.5, 1.0],
             }  # fmt: skip
-            if self.law is not None:
-                pair |= {name: getattr(self.law, name) for name in ("solref", "solreffriction")}
+            if settings.slips:
+                pair["solref"] = [-1 / self.length**2, -2 / self.length]
+                pair["solreffriction"] = [-1.0, -2.5 * d / self.length]
             ball.add_custom_values(**{f"mujoco:pair_{name}": pair[name] for name in pair})
         starts, self.n = self.starts, len(self.starts.centre)
         whole.replicate(ball, self.n)
@@ -197,6 +197,10 @@ _BEST = _NewtonSettings(
     noslip=1,
 )  # fmt: skip
 
+_SLIP = replace(
+    _BEST, name="slip", timestep=1e-3, slips=True, iterations=30, tolerance=1e-16, noslip=None
+)
+
 
 def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
     lack = "its model and its states are in single precision"
@@ -217,7 +221,7 @@ NEWTON = adapter.Adapter(
         _AS_IT_COMES,
         _BEST,
         replace(_BEST, name="kept", kept=True),
-        replace(_BEST, name="slip", timestep=1e-3, slips=True),
+        _SLIP,
     ),
     world=_NewtonWorld,
     rolls_unbalanced=True,

@@ -34,7 +34,7 @@ from robotball.engines.adapter import (
     python_part,
     spin_damping,
 )
-from robotball.engines.engine import OURS
+from robotball.engines.engine import OURS, Request
 from robotball.engines.environments import ENVIRONMENTS, call, interpreter_of
 from robotball.engines.physx import _PhysxWorld
 from robotball.engines.pinocchio import PINOCCHIO
@@ -46,7 +46,7 @@ from robotball.engines.states import (
     principal_inertia,
 )
 from robotball.motion import Label, momentum_error, path_error
-from robotball.robot.scene import Scene
+from robotball.robot.scene import Friction, Scene
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from tests.messages import naming, unnamed
 from tests.robotball.theory.multibody.second_form import SecondForm
@@ -88,6 +88,32 @@ def test_masses_and_inertias_of_the_links_add_up_to_the_balls() -> None:
         inertia += R @ np.diag(moments) @ R.T + link.mass * (r @ r * np.eye(3) - np.outer(r, r))
     assert sum(link.mass for link in links) == pytest.approx(scene.ball.mass, rel=1e-15)
     assert inertia == pytest.approx(scene.ball.inertia, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", [name for name in ADAPTERS if name not in ("mjx", "mujoco-warp")])
+def test_an_adapter_takes_the_friction_of_the_scene(name: str) -> None:
+    """Without a limit it keeps its own. The two others take it with MuJoCo's model."""
+    engine, times, seen = ADAPTERS[name], rb.sample_times(0.1), list[Any]()
+
+    def world(scene: Scene, settings: Any, step: float) -> None:
+        seen.append(settings)
+        raise rb.InputError("seen")
+
+    watched: Any = replace(engine, packages=(), lacks=lambda *_: None)
+    watched = replace(watched, world=world)
+    settings: Any = replace(engine.presets[engine.default], friction=7.0)  # type: ignore[call-arg]
+    for limits in (Friction(), Friction(sliding=0.3, torsional=0.02)):
+        with pytest.raises(rb.InputError, match="seen"):
+            watched.run(replace(FIG12, friction=limits), times, Request(watched, settings))
+    assert [settings.friction for settings in seen] == [7.0, 0.3]
+    assert getattr(seen[1], "torsional", None) == (0.02 if engine.resists_spin else None)
+
+
+def test_a_contact_that_resists_no_spin_is_refused_for_limited_torsional_friction() -> None:
+    scene = replace(FIG12, friction=Friction(torsional=0.02))
+    refused = {name for name in ADAPTERS if ADAPTERS[name].cannot_express(scene)}
+    assert refused == {"dart", "drake", "exudyn", "pinocchio", "rapier"}
+    assert "torsional friction" in (ADAPTERS["dart"].cannot_express(scene) or "")
 
 
 Spoil = dict[str, tuple[float, Any]]
@@ -483,7 +509,7 @@ def test_the_torque_against_spin_is_proportional_to_inertia_over_step() -> None:
 
 
 LACKS = [
-    ("bullet", "", "servo_motors", "rates balanced"),
+    ("bullet", "", "servo_motors", "hinge motor"),
     ("pinocchio", "", "servo_motors", "hinge motor"),
     ("pinocchio", "", "beaver_ball", "None"),
     # Drake's point contact has no torsional friction.
@@ -604,23 +630,26 @@ def test_captured_steps_have_the_bits_of_steps_from_python(name: str, scene: str
             assert np.array_equal(getattr(motion, part), getattr(steps, part))
 
 
-# Largest distance of contact points from a run alone [m]. Measured 0 with Warp and Newton (each of
-# 256 balls), whose worlds do the same arithmetic, and 2.3e-11 with MJX (12 of them), whose compiler
-# reorders it.
-ABREAST = {"mujoco-warp": 0.0, "mjx": 1e-10, "newton": 0.0}
+# Largest distance of contact points from a run alone [m]. Measured 0 with MuJoCo, and with Warp and
+# Newton (each of 256 balls), whose worlds do the same arithmetic, and 2.3e-11 with MJX (12 of
+# them), whose compiler reorders it.
+ABREAST = {"mujoco": 0.0, "mujoco-warp": 0.0, "mjx": 1e-10, "newton": 0.0}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ABREAST)
 def test_256_balls_side_by_side_move_as_in_runs_alone(name: str) -> None:
     """On the processor. An unknown device is refused."""
-    skip_unless_there(name)
+    device: dict[str, Any] = {}
+    if name != "mujoco":
+        skip_unless_there(name)
+        device = {"device": "cpu"}
     attitudes = np.random.default_rng(3).normal(size=(256, 4))
     attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
     starts, times = [replace(FIG12.start, attitude=q) for q in attitudes], rb.sample_times(0.4)
     with pytest.raises(rb.InputError, match=naming("'tpu' cpu")):
         next(rb.simulate_many(FIG12, starts, times, engine=name, device="tpu"))
-    motions = [*rb.simulate_many(FIG12, starts, times, engine=name, device="cpu")]
+    motions = [*rb.simulate_many(FIG12, starts, times, engine=name, **device)]
     errors = [path_error(motion, rb.integrate(motion.scene, times)) for motion in motions]
     assert max(errors) < 3e-4  # measured 1.7e-6 with Warp, 7.4e-6 with MJX, 1.0e-4 with Newton
     for i in (0, 255):

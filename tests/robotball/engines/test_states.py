@@ -1,6 +1,7 @@
 """The ball as engines of other packages see it: states, initial states, links and forces."""
 
 from dataclasses import astuple, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from robotball.engines.states import (
     _state_of_rows,
     force_on_ball,
     links_of,
+    motions_of,
     principal_inertia,
     readings_of,
     start_state,
@@ -19,6 +21,7 @@ from robotball.engines.states import (
 from robotball.robot.scene import Friction
 from robotball.rotations import rotation_matrix
 from tests.random_robots import random_tree
+from tests.robotball.theory.test_friction import sphere
 from tests.scenes import FOUR
 
 RNG = np.random.default_rng(3)
@@ -100,3 +103,14 @@ def test_contact_forces_are_summed_to_the_force_on_the_ball() -> None:
         total = force_on_ball(sign * force for force in forces)
         assert total == pytest.approx([0.1, 0.1, 4.0])
     assert force_on_ball([]).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_a_ball_without_hinges_keeps_its_angular_velocity() -> None:
+    """It has no frame that turns in it. Its empty rows of rates were an error."""
+    scene = sphere((0.5, 0.0), (0.0, 5.0, 0.0), Friction())
+    state = start_states([scene])
+    cost: Any = {"timestep": 1.0, "steps": 1, "seconds": 0.0}
+    label, settings = rb.engine_named("dart").label, rb.preset("balanced")
+    (motion,) = motions_of([scene], np.zeros(1), state.row[:, None], label, settings, **cost)
+    for omega in (state.omega[0], motion.angular_velocity[0]):
+        assert omega == pytest.approx([0.0, 5.0, 0.0], abs=1e-14)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ from scipy.integrate import cumulative_simpson
 import robotball as rb
 from robotball.motion import ContactMotion
 from tests.robotball.engines.test_adapters import ADAPTERS, skip_unless_there
-from validation.studies.engine_runs import contact_quality, kinetic_energy
+from validation.studies.engine_runs import contact_quality, kinetic_energy, run, slip_quality
 
 TIMES = rb.sample_times(2.0, 1e-3)
+SLIDING = Path(__file__).parents[3] / "docs/coulomb/sliding_sphere.toml"
 
 
 @pytest.mark.parametrize(
@@ -111,3 +113,34 @@ def test_an_engine_reports_its_contact_force(
     contact = contact_quality(motion, theory)
     assert abs(contact["normal_force_error"] or 1.0) < 3 * measured
     assert abs(1.0 if contact["cone_violation"] is None else contact["cone_violation"]) < 1e-9
+
+
+def slip_of_run(preset: str) -> dict[str, Any]:
+    """Return the record of MuJoCo's run of a sliding sphere in steps of 1 ms."""
+    cell = {"scene": str(SLIDING), "duration": 0.4, "engine": "mujoco", "preset": preset}
+    return run({**cell, "field": "timestep", "value": 1e-3, "rounds": 1, "stretches": False})
+
+
+def test_a_pyramid_pulls_a_sliding_ball_askew_and_the_recipe_does_not() -> None:
+    """Of an exact case: a solid sphere whose slip has a constant direction and ends at 0.175 s."""
+    naive, recipe = slip_of_run("naive"), slip_of_run("balanced")
+    assert naive["late"] == pytest.approx(0.389, abs=0.02)  # √2 - 1 but for the hops
+    assert naive["askew"] == pytest.approx(10.0, abs=0.3)
+    assert naive["most_force"] == pytest.approx(4.5, abs=0.2)
+    assert naive["hop"] == pytest.approx(1.33e-4, rel=0.1)
+    assert abs(recipe["late"]) < 3e-6  # measured 1.4e-6, the error of the step
+    assert recipe["askew"] < 2e-4  # measured 7.3e-5
+    assert recipe["most_force"] == pytest.approx(1.0, abs=1e-4)  # measured 1.00005
+    assert recipe["hop"] == 0.0
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_the_end_of_a_slip_is_found_between_samples(factor: float) -> None:
+    """With the friction of another ball the slip ends at 0.175 s over the factor."""
+    scene = rb.load_scene(SLIDING)
+    limits = replace(scene.friction, sliding=0.3 * factor)
+    times = rb.sample_times(0.4, 5e-3)
+    theory, other = (rb.integrate(s, times) for s in (scene, replace(scene, friction=limits)))
+    motion = rb.simulate(other.scene, times)
+    late = slip_quality(motion, theory)["late"]
+    assert late == pytest.approx(1 / factor - 1, abs=1e-3)  # measured 3e-5

@@ -99,7 +99,23 @@ EXPECTED = {
         "with a damping, base: 0.3 0.3; with a damping, link: 0.2 0.2; "
         "alone, base: 0.1 0.1; alone, link: 0.3 0.3",
     "pybullet_first_order": FIRST_ORDER,
+    # A box pulls at 45°, and √2 times as hard.
+    "pybullet_slip":
+        "cone 0, 5 ms, askew [deg]: 11.2 11.4; cone 0, 5 ms, late [%]: -21 -20; "
+        "cone 0, 5 ms, error: 8.4e-3 8.7e-3; cone 0, 1 ms, askew [deg]: 11.2 11.4; "
+        "cone 0, 1 ms, late [%]: -19.2 -18.2; cone 0, 1 ms, error: 7.8e-3 8.1e-3; "
+        "cone 1, 5 ms, askew [deg]: 0 1e-6; cone 1, 5 ms, error: 7.7e-4 8e-4; "
+        "cone 1, 1 ms, askew [deg]: 0 1e-6; cone 1, 1 ms, error: 1.5e-4 1.65e-4",
     "drake_first_order": FIRST_ORDER,
+    # The hop is the impulse μ|u|/(1 + 3.5 μ²) of one step.
+    "drake_slip":
+        "kSap, 5 ms, rise [mm]: 8.4 8.8; kSap, 5 ms, error: 1.5e-3 1.8e-3; "
+        "kSap, 1 ms, rise [mm]: 8 8.4; kSap, 1 ms, error: 3e-4 3.7e-4; "
+        "kSap, 0.2 ms, rise [mm]: 7.8 8.2; kSap, 0.2 ms, error: 6.5e-5 9e-5; "
+        "kSimilar, 5 ms, rise [mm]: 8.4 8.9; kSimilar, 1 ms, rise [mm]: 5.7 6.1; "
+        "kSimilar, 0.2 ms, rise [mm]: 1.1 1.3; kLagged, 5 ms, rise [mm]: -1e-6 1e-6; "
+        "kLagged, 5 ms, error: 8e-4 8.5e-4; kLagged, 1 ms, error: 1.8e-4 2.1e-4; "
+        "kLagged, 0.2 ms, rise [mm]: -1e-6 1e-6; kLagged, 0.2 ms, error: 6e-5 8e-5",
     "drake_cenic": "SAP: 1.999 2.001; RK3: 1.999 2.001; CENIC: -2.001 -1.999",
     # kTamsi, in releases that have it: 7.7e-6 beside either.
     "drake_frozen":
@@ -130,15 +146,34 @@ EXPECTED = {
         "TrapezoidalIndex2, 200 µs: 0 1e-5; RK44, 30 µs: 1e-4 1e-2; RK44, 10 µs: 1e-4 1e-2; "
         "DOPRI5, 10 µs: 0 1e-5; joint accepted: 0 0",
     "pinocchio_rolling": "along: 0 1e-12; across: 1.714 1.715; up: -4.001 -3.999",
+    "pinocchio_slip":
+        "solve_ncp False, 5 ms, rise [mm]: 9 9.3; solve_ncp False, 5 ms, error: 7.7e-4 8.2e-4; "
+        "solve_ncp False, 1 ms, rise [mm]: 8.6 8.9; "
+        "solve_ncp False, 1 ms, error: 1.5e-4 1.65e-4; solve_ncp True, 5 ms, rise [mm]: 0 1e-9; "
+        "solve_ncp True, 5 ms, error: 7.7e-4 8.2e-4; solve_ncp True, 1 ms, rise [mm]: 0 1e-9; "
+        "solve_ncp True, 1 ms, error: 1.5e-4 1.65e-4",
     "pinocchio_drift":
         "corrector 0 /s: 0.1 0.103; corrector 10 /s: 2.4e-3 2.5e-3; "
         "corrector 100 /s: 2.5e-4 2.7e-4",
     "dart_first_order": FIRST_ORDER,
+    "dart_slip":
+        "default, 5 ms, askew [deg]: 11.2 11.4; default, 5 ms, late [%]: -21 -20; "
+        "default, 5 ms, error: 8.4e-3 8.7e-3; default, 1 ms, askew [deg]: 11.2 11.4; "
+        "default, 1 ms, late [%]: -19.2 -18.2; default, 1 ms, error: 7.8e-3 8.1e-3; "
+        "Associated, 5 ms, rise [mm]: 9 9.3; Associated, 1 ms, rise [mm]: 8.6 8.9; "
+        "Coulomb, 5 ms, askew [deg]: 0 1e-4; Coulomb, 5 ms, rise [mm]: -1e-4 1e-4; "
+        "Coulomb, 5 ms, error: 7.7e-4 8e-4; Coulomb, 1 ms, error: 1.5e-4 1.65e-4",
     "dart_spin": "spinning: 1.0 1.0; rolling: 0.99999999 1.00000001",
     "physx_rate_limit":
         "started, default: 99.9 100.1; started, raised: 149.9 150.1; driven, default: 149.9 150.1",
     "physx_momentum": "10 ms: -3e-6 3e-6; 1 ms: -3e-6 3e-6; 0.1 ms: 2e-4 5e-4",
     "physx_slip": "10 ms: 2e-3 4e-3; 1 ms: 8e-4 2e-3; 0.1 ms: 5e-3 2e-2",
+    "physx_friction":
+        "PGS, 5 ms, askew [deg]: 7.3 7.8; PGS, 5 ms, late [%]: -28 -26; "
+        "PGS, 5 ms, error: 8.7e-3 9.1e-3; PGS, 1 ms, askew [deg]: 7.2 7.7; "
+        "PGS, 1 ms, late [%]: -25.5 -23.5; PGS, 1 ms, error: 8.1e-3 8.5e-3; "
+        "TGS, 5 ms, askew [deg]: 0 2e-3; TGS, 5 ms, error: 2e-5 1.5e-4; "
+        "TGS, 1 ms, askew [deg]: 0 5e-3; TGS, 1 ms, error: 5e-5 2e-4",
     # 1e-7 per substep, and a rounding of the angle that depends on its size: single precision.
     "rapier_gyroscopic":
         "10 ms: 3e-4 4.5e-4; 1 ms: 3e-3 5e-3; 0.1 ms: 0.03 0.05; "

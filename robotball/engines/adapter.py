@@ -35,7 +35,7 @@ from robotball.engines.states import UNKNOWN_FORCE, State, motions_of, start_sta
 from robotball.errors import InputError, warn
 from robotball.motion import RATE_ERROR, ContactMotion, EngineSettings, Label, versions
 from robotball.robot.formulas import as_vector
-from robotball.robot.scene import Scene
+from robotball.robot.scene import DOWN, Scene
 from robotball.rotations import Array, quaternion_product
 from robotball.theory.dop853 import Compensated, Rate, one_by_one
 
@@ -83,7 +83,8 @@ class World(ABC):
     def hinges_at(self, t: float) -> tuple[Array, Array]:
         """Return the prescribed hinge angles (h,) and rates (h,) at t [s]."""
         drives = self.scene.drives
-        angles, rates = np.array([(drive.angle(t), drive.rate(t)) for drive in drives], float).T
+        both = [(float(drive.angle(t)), float(drive.rate(t))) for drive in drives]
+        angles, rates = np.reshape(both, (-1, 2)).T
         return angles, rates
 
     def with_turns(self, angles: Array, t: float) -> Array:
@@ -407,10 +408,8 @@ class Adapter(Engine):
             return "its contact has no torsional friction, which this scene limits"
         if self.rolls_unbalanced:
             return _beyond_given_rates(scene)
-        if scene.not_reduced:
-            return (
-                f"its adapter needs prescribed hinge rates in a balanced ball: {scene.not_reduced}"
-            )
+        if why := replace(scene, gravity_direction=DOWN).not_reduced:
+            return f"its adapter needs prescribed hinge rates in a balanced ball: {why}"
         if scene.ball.shell.offset:
             return "its adapter needs the shell's centre of mass at the sphere's centre"
         return None

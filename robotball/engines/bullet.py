@@ -96,7 +96,7 @@ class _BulletWorld(adapter.ServoWorld):
     def state(self) -> State:
         position, quaternion = self.p.getBasePositionAndOrientation(self.ball)
         velocity, omega = self.p.getBaseVelocity(self.ball)
-        hinges = self.p.getJointStates(self.ball, range(len(self.scene.drives)))
+        hinges = self.p.getJointStates(self.ball, range(len(self.scene.drives))) or ()
         attitude = multiply(np.roll(quaternion, 1), conjugate(self.principal))
         angles, rates = (np.array([hinge[i] for hinge in hinges], float) for i in (0, 1))
         lever = rotation_matrix(attitude) @ self.offset

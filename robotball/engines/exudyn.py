@@ -89,7 +89,7 @@ class _ExudynWorld(adapter.World):
         moments = inertia[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]  # xx, yy, zz, yz, xz, xy
         body = items.ObjectRigidBody(mass=mass, inertia=moments, nodeNumber=node)
         marker = system.AddMarker(items.MarkerBodyRigid(bodyNumber=system.AddObject(body)))
-        weight = [0.0, 0.0, -mass * self.scene.gravity]
+        weight = (mass * self.scene.gravity_at(0.0)).tolist()
         system.AddLoad(items.LoadForceVector(markerNumber=marker, loadVector=weight))
         return marker
 

@@ -91,7 +91,7 @@ class _PhysxWorld(adapter.ServoWorld):
     def _read(self, kind: str, name: str) -> Array:
         with self.physx.read_sync(getattr(self.types.SimObjectType, kind), [name]) as result:
             parts = [part.numpy().ravel() for group in result.groups for part in group.tensors]
-        return np.concatenate(parts).astype(float)
+        return np.concatenate([[], *parts])
 
     def state(self) -> State:
         names = ("Position", "LinearVelocity", "Orientation", "AngularVelocity")

@@ -108,7 +108,7 @@ class _RapierWorld(adapter.ServoWorld):
             angle = 2 * np.arctan2(relative[1:] @ link.axis, relative[0])
             rate = (omegas[link.name] - omegas[link.parent]) @ rotation_matrix(parent) @ link.axis
             hinges.append((angle, rate))
-        angles, rates = np.array(hinges).T
+        angles, rates = np.reshape(hinges, (-1, 2)).T
         q, omega = attitudes["shell"], omegas["shell"]
         # Rapier's velocity is that of the centre of mass.
         velocity = _array(self.shell.linvel) - np.cross(omega, rotation_matrix(q) @ self.offset)

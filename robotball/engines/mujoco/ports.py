@@ -22,6 +22,9 @@ from robotball.robot.motors import Servo
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
+# Of friction in single precision, if the ball slips. On classical_regular with a friction of 0.3 the
+# path error is 2e-4 with 1e4, 5e-3 with 1e6 and 0.14 with that of double precision.
+_SINGLE_IMPRATIO = 1e4
 _PASSES = 50  # the largest number of steps per call, whose controls have a fixed size
 
 
@@ -39,7 +42,9 @@ def _built(scene: Scene, settings: _ModelSettings, step: float) -> Model:
     model = replace(settings.model, timestep=step)
     if settings.slips:
         law = for_slip(scene, model, step)
-        model = replace(law, drive=model.drive if isinstance(model.drive, Servo) else law.drive)
+        model = law
+        if isinstance(settings.model.drive, Servo):
+            model = replace(law, drive=settings.model.drive, impratio=_SINGLE_IMPRATIO)
     return build(scene, model, sensed=False)
 
 

@@ -22,8 +22,8 @@ from robotball.robot.motors import Servo
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
-# Of friction in single precision, if the ball slips. On classical_regular with a friction of 0.3 the
-# path error is 2e-4 with 1e4, 5e-3 with 1e6 and 0.14 with that of double precision.
+# Of friction in single precision, if the ball slips. On classical_regular with a friction of 0.3
+# the path error is 2e-4 with 1e4, 5e-3 with 1e6, and 0.14 with the value for double precision.
 _SINGLE_IMPRATIO = 1e4
 _PASSES = 50  # the largest number of steps per call, whose controls have a fixed size
 
@@ -41,10 +41,9 @@ class _ModelSettings(adapter.StepSettings):
 def _built(scene: Scene, settings: _ModelSettings, step: float) -> Model:
     model = replace(settings.model, timestep=step)
     if settings.slips:
-        law = for_slip(scene, model, step)
-        model = law
-        if isinstance(settings.model.drive, Servo):
-            model = replace(law, drive=settings.model.drive, impratio=_SINGLE_IMPRATIO)
+        law, drive = for_slip(scene, model, step), model.drive
+        single = isinstance(drive, Servo)
+        model = replace(law, drive=drive, impratio=_SINGLE_IMPRATIO) if single else law
     return build(scene, model, sensed=False)
 
 

@@ -24,13 +24,7 @@ from robotball import InputError, engine_named, engine_names, integrate, load_sc
 from robotball.engines.adapter import Adapter, not_installed
 from robotball.engines.engine import DEFAULT, Request, run_request
 from robotball.engines.environments import interpreter_of, make, python_named
-from robotball.motion import (
-    ContactMotion,
-    EngineSettings,
-    Motion,
-    ReferenceMotion,
-    measured_time,
-)
+from robotball.motion import ContactMotion, EngineSettings, Motion, ReferenceMotion, measured_time
 from robotball.rotations import Array, rotation_matrix
 
 from ..agreement import Agreement

@@ -107,8 +107,7 @@ def cells_of(
 ) -> list[Cell]:
     """Return a cell for each value of each ladder of each installed engine."""
     loaded = load_scene(scene)
-    stretches = chaotic(loaded)
-    shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": stretches}
+    shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": chaotic(loaded)}
     cells: list[Cell] = []
     for contestant in contestants:
         if (python := python_of(contestant, folder)) is None:

@@ -639,16 +639,16 @@ ABREAST = {"mujoco": 0.0, "mujoco-warp": 0.0, "mjx": 1e-10, "newton": 0.0}
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ABREAST)
 def test_256_balls_side_by_side_move_as_in_runs_alone(name: str) -> None:
-    """On the processor. An unknown device is refused."""
+    """On the processor. An unknown device is refused; MuJoCo has no other."""
+    attitudes = np.random.default_rng(3).normal(size=(256, 4))
+    attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
+    starts, times = [replace(FIG12.start, attitude=q) for q in attitudes], rb.sample_times(0.4)
     device: dict[str, Any] = {}
     if name != "mujoco":
         skip_unless_there(name)
         device = {"device": "cpu"}
-    attitudes = np.random.default_rng(3).normal(size=(256, 4))
-    attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
-    starts, times = [replace(FIG12.start, attitude=q) for q in attitudes], rb.sample_times(0.4)
-    with pytest.raises(rb.InputError, match=naming("'tpu' cpu")):
-        next(rb.simulate_many(FIG12, starts, times, engine=name, device="tpu"))
+        with pytest.raises(rb.InputError, match=naming("'tpu' cpu")):
+            next(rb.simulate_many(FIG12, starts, times, engine=name, device="tpu"))
     motions = [*rb.simulate_many(FIG12, starts, times, engine=name, **device)]
     errors = [path_error(motion, rb.integrate(motion.scene, times)) for motion in motions]
     assert max(errors) < 3e-4  # measured 1.7e-6 with Warp, 7.4e-6 with MJX, 1.0e-4 with Newton

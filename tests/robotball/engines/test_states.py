@@ -1,12 +1,14 @@
 """The ball as engines of other packages see it: states, initial states, links and forces."""
 
 from dataclasses import astuple, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines.adapter import World
 from robotball.engines.states import (
     UNKNOWN_FORCE,
     _state_of_rows,
@@ -107,7 +109,9 @@ def test_contact_forces_are_summed_to_the_force_on_the_ball() -> None:
 
 def test_a_ball_without_hinges_keeps_its_angular_velocity() -> None:
     """It has no frame that turns in it. Its empty rows of rates were an error."""
-    scene = sphere((0.5, 0.0), (0.0, 5.0, 0.0), Friction())
+    scene: Any = sphere((0.5, 0.0), (0.0, 5.0, 0.0), Friction())
+    angles, rates = World.hinges_at(SimpleNamespace(scene=scene), 0.0)  # type: ignore[arg-type]
+    assert angles.shape == rates.shape == (0,)
     state = start_states([scene])
     cost: Any = {"timestep": 1.0, "steps": 1, "seconds": 0.0}
     label, settings = rb.engine_named("dart").label, rb.preset("balanced")

@@ -74,8 +74,7 @@ class _BulletWorld(adapter.ServoWorld):
         p.resetBasePositionAndOrientation(
             self.ball, start.centre + lever, _xyzw(multiply(start.attitude, self.principal))
         )
-        velocity = start.velocity + np.cross(start.omega, lever)
-        p.resetBaseVelocity(self.ball, velocity, start.omega)
+        p.resetBaseVelocity(self.ball, start.velocity + np.cross(start.omega, lever), start.omega)
         for i, rate in enumerate(start.rates.tolist()):
             p.resetJointState(self.ball, i, 0.0, rate)
         self.set_rates(start.rates)

@@ -150,9 +150,7 @@ DART = adapter.Adapter(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3, spin_part=0.0),
         # The ball needs a friction of 1.2. The rest is the error of the first-order integrator.
         _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
-        _DartSettings(
-            name="slip", error_tolerance=5e-2, timestep=1e-3, friction=20.0, law="Coulomb"
-        ),
+        _DartSettings(name="slip", error_tolerance=5e-2, timestep=1e-3, law="Coulomb"),
         # DOP853 chooses its steps; the timestep is the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),

@@ -254,9 +254,7 @@ def _end_of_slip(times: Array, speed: Array, peak: int) -> float:
     if not len(below[1]):
         return np.nan
     k, j = (peak + int(some[0]) for some in below)
-    if k == j:
-        return float(times[k])
-    return float(times[k] + speed[k] * (times[j] - times[k]) / (speed[k] - speed[j]))
+    return float(times[k] + speed[k] * (times[j] - times[k]) / ((speed[k] - speed[j]) or 1.0))
 
 
 def kinetic_energy(motion: Motion, depth: Array) -> tuple[Array, Array]:

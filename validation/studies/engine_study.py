@@ -219,16 +219,22 @@ _NOTE = (
     "that robotball provides. * on the Pareto front: no run is cheaper and more accurate."
 )
 
+_SLIP_NOTE = (
+    "late: by how much longer the first slip takes; askew: mean angle of the friction to the "
+    "direction against the slip; N max: largest normal force over the right one; hop: largest "
+    "height above the plane. * on the Pareto front: no run is cheaper and more accurate."
+)
+
 
 def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]) -> Study:
     """Return the study with all runs and failures; `words` are parts of the file names."""
     study = study_of(scene, results)
     name, errors = f"{scene.name} ({scene.rolling})", study["errors"]
     rows = [*study["runs"], *study["failed"]]
-    columns = SLIP_COLUMNS if scene.may_slip else COLUMNS
+    columns, note = (SLIP_COLUMNS, _SLIP_NOTE) if scene.may_slip else (COLUMNS, _NOTE)
     table = table_of(columns, rows, lambda row: not row.get("usable"))
     heading = f"[bold]{escape(name)}: {errors}[/]"
-    shown = (heading, table, _NOTE.format(engine_named(DEFAULT).label.name))
+    shown = (heading, table, note.format(engine_named(DEFAULT).label.name))
     picture = _engines_picture(name, errors, study["runs"])
     return Study(scene.name, None, ["engines", *words], rows_of(results), study, shown, picture)
 

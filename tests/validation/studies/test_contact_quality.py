@@ -117,13 +117,24 @@ def test_an_engine_reports_its_contact_force(
 
 def slip_of_run(preset: str) -> dict[str, Any]:
     """Return the record of MuJoCo's run of a sliding sphere in steps of 1 ms."""
-    cell = {"scene": str(SLIDING), "duration": 0.4, "engine": "mujoco", "preset": preset}
+    cell = {"scene": str(SLIDING), "duration": 1.0, "engine": "mujoco", "preset": preset}
     return run({**cell, "field": "timestep", "value": 1e-3, "rounds": 1, "stretches": False})
 
 
 def test_a_pyramid_pulls_a_sliding_ball_askew_and_the_recipe_does_not() -> None:
     """Of an exact case: a solid sphere whose slip has a constant direction and ends at 0.175 s."""
     naive, recipe = slip_of_run("naive"), slip_of_run("balanced")
+    page = (SLIDING.parents[1] / "coulomb.md").read_text()
+    for name, printed in (("default", naive), ("*balanced*", recipe)):
+        late, askew, hop = (
+            "0" if abs(value) < 0.01 else f"{value:.2g}"
+            for value in (100 * printed["late"], printed["askew"], 1e3 * printed["hop"])
+        )
+        force = f"{printed['most_force']:.3g}"
+        row = (
+            f"| MuJoCo, {name} | {printed['path_error']:.1e} | {late} | {askew} | {force} | {hop} |"
+        )
+        assert row in page
     assert naive["late"] == pytest.approx(0.389, abs=0.02)  # √2 - 1 but for the hops
     assert naive["askew"] == pytest.approx(10.0, abs=0.3)
     assert naive["most_force"] == pytest.approx(4.5, abs=0.2)

@@ -50,6 +50,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture
+def linux() -> None:
+    """Skip a test that needs /proc, the signals or the processor sets of Linux."""
+    if sys.platform != "linux":
+        pytest.skip("needs Linux")
+
+
+@pytest.fixture
 def screen() -> None:
     """Skip without off-screen OpenGL."""
     if gl.find_backend() is None:

@@ -109,7 +109,7 @@ def test_a_signal_ends_the_work_at_any_point(where: str, number: int, tmp_path: 
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("screen")
+@pytest.mark.usefixtures("screen", "linux")
 def test_a_film_that_is_interrupted_leaves_nothing(tmp_path: Path) -> None:
     """Ctrl-C also ends the encoder, which is not reported as an error."""
     small = ("--resolution", "320x180", "--duration", "6")
@@ -132,6 +132,7 @@ def listens(pid: int) -> bool:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("linux")
 @pytest.mark.parametrize("seconds", [0.0, 0.4])
 def test_a_command_can_be_interrupted_during_its_imports(tmp_path: Path, seconds: float) -> None:
     """The signal may come at any time in the first second, during imports."""

@@ -27,7 +27,7 @@ from tests.validation.work import WORKERS, cells_of, failures, lines_of, runs, s
 from validation.output import write_rows
 from validation.sweeps import Result, duration, rows_of, sweep
 
-linux = pytest.mark.skipif(sys.platform != "linux", reason="needs the signals and /proc of Linux")
+linux = pytest.mark.usefixtures("linux")
 
 
 @pytest.fixture

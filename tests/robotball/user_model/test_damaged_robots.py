@@ -142,6 +142,7 @@ def _report(folder: Path, seeds: list[int]) -> None:
         print(json.dumps([seed, KINDS[seed % len(KINDS)], outcome, _largest_memory()]), flush=True)
 
 
+@pytest.mark.usefixtures("linux")
 @pytest.mark.parametrize(
     "seeds", [pytest.param(FEW, id="few"), pytest.param(ALL, id="all", marks=pytest.mark.study)]
 )

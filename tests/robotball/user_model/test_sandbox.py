@@ -69,7 +69,7 @@ def test_a_link_agrees_with_the_compiled_body_of_mujoco(
     np.testing.assert_allclose(ours.centre, theirs.ipos, atol=1e-16)
     np.testing.assert_allclose(ours.inertia, axes @ np.diag(theirs.inertia) @ axes.T, atol=2e-16)
     assert (at_once[resource.RLIMIT_CPU], at_once[resource.RLIMIT_CORE]) == ((5, 5), (0, 0))
-    assert at_once[resource.RLIMIT_AS][0] > 500_000_000
+    assert sys.platform != "linux" or at_once[resource.RLIMIT_AS][0] > 500_000_000
 
 
 def test_a_body_of_mjcf_includes_bodies_that_are_fixed_to_it(tmp_path: Path) -> None:

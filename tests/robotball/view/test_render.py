@@ -184,6 +184,7 @@ def test_a_video_ends_with_the_shorter_motion(tmp_path: Path, suffix: str) -> No
 
 @pytest.mark.slow
 @screen
+@pytest.mark.usefixtures("linux")
 @pytest.mark.skipif(cores() < 2, reason="there is one core")
 @pytest.mark.parametrize("suffix", ["mp4", pytest.param("webm", marks=pytest.mark.study)])
 def test_the_bytes_of_a_video_do_not_depend_on_the_number_of_cores(

@@ -4,6 +4,8 @@ A notebook is the one source of its page. Its cells run in order, without Jupyte
 their own. A cell is Python, commands below `%%sh`, or a file below `%%writefile NAME`. Its outputs
 are what it prints, the value it ends with, and its pictures, with its first comment as their
 description. A page shows commands and files without these lines: so the text above names a file.
+The first code cell, which pages leave out and which does not run here, installs robotball in a
+hosted notebook.
 
 python docs/tutorials/notebooks.py [NAME…]
 """
@@ -39,13 +41,31 @@ _LANGUAGES = {".xml": "xml", ".toml": "toml", ".py": "python", ".yml": "yaml"}
 _PLACE = {"COLUMNS": "88", "NO_COLOR": "1", "PY_COLORS": "0"} | dict.fromkeys(
     ("CI", "BUILD_NUMBER", "PYTEST_ADDOPTS"), ""
 )
+# In a hosted notebook: from a wheel in the notebook's folder, else from the package index.
+INSTALL = """\
+# Install robotball if it is missing.
+from importlib.util import find_spec
+
+if find_spec("robotball") is None:
+    %pip install --quiet --find-links . robotball
+"""
 _COLOURS = 64  # of a stored picture: lines and letters need no more, and a third of the bytes
 
 
 def read(name: str) -> Json:
-    """Return the notebook of this folder with that name."""
+    """Return a notebook of this folder, without its cell that installs robotball."""
     book: Json = json.loads((FOLDER / f"{name}.ipynb").read_text(encoding="utf-8"))
+    book["cells"] = [cell for cell in book["cells"] if cell.get("id") != "install"]
     return book
+
+
+def write(name: str, book: Json) -> None:
+    """Write a notebook, with the cell that installs robotball below the title."""
+    install = {"cell_type": "code", "execution_count": None, "id": "install", "metadata": {},
+               "outputs": [], "source": INSTALL.rstrip().splitlines(keepends=True)}  # fmt: skip
+    title, *cells = book["cells"]
+    text = json.dumps({**book, "cells": [title, install, *cells]}, indent=1, ensure_ascii=False)
+    (FOLDER / f"{name}.ipynb").write_text(f"{text}\n", encoding="utf-8")
 
 
 def code_cells(book: Json) -> list[Json]:
@@ -199,8 +219,7 @@ def store(name: str) -> None:
         for output in outputs:
             if "execution_count" in output:
                 output["execution_count"] = i
-    text = json.dumps(book, indent=1, ensure_ascii=False)
-    (FOLDER / f"{name}.ipynb").write_text(f"{text}\n", encoding="utf-8")
+    write(name, book)
     for old in FOLDER.glob(f"{name}-*.png"):
         old.unlink()
     for file, content in page(name, book).items():

@@ -14,7 +14,7 @@ PYTHON := $(PYTHON_RANGE)
 BIN := $(VENV)/bin
 
 .PHONY: demo test test-studies test-fast test-core test-variants messages check lint docs tutorials gallery pythons wheel \
-  run-wheel bench cost-model setup gl browser lock clean
+  release run-package bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -97,22 +97,36 @@ pythons: setup
 # home, on every Python of this machine that has venv. It must have every file that the program needs
 # and work beside a foreign package `validation`. Fails if no Python has venv.
 # With the newest Python only:  make wheel ONE=1
-WHEEL := $(CURDIR)/out/wheel
+RELEASE := $(CURDIR)/out/release
 
 wheel: setup
-	rm -rf $(WHEEL) && mkdir -p $(WHEEL)
-	$(BIN)/python -m hatchling build -t wheel -d $(WHEEL)
-	@for python in $$($(LIST_PYTHONS)); do \
-	  $(MAKE) --no-print-directory run-wheel VERSION=$${python%%=*} PYTHON=$${python#*=} || exit 1; \
-	  test -z "$(ONE)" || break; done
-	@ls $(WHEEL)/3.* >/dev/null
+	rm -rf $(RELEASE) && mkdir -p $(RELEASE)
+	$(BIN)/python -m hatchling build -t wheel -d $(RELEASE)
+	$(call run-packages,whl,$(ONE))
+	@ls $(RELEASE)/licences-* >/dev/null
 
-run-wheel: THERE = $(WHEEL)/$(VERSION)
-run-wheel: ALONE = cd $(THERE)/empty && env -i PATH=/usr/bin:/bin HOME=$(THERE)/empty ../env/bin
-run-wheel:
-	mkdir -p $(THERE)/empty
+# Test the wheel on every Python and the sdist on the newest, list their files and licences in
+# out/release/CONTENTS, and tag the commit. Uploads nothing.
+release: setup
+	@$(BIN)/python .ci/release versions
+	@$(MAKE) --no-print-directory wheel
+	$(BIN)/python -m hatchling build -t sdist -d $(RELEASE)
+	$(call run-packages,tar.gz,1)
+	$(BIN)/python .ci/release contents $(RELEASE)
+	@$(BIN)/python .ci/release tag
+
+# Run the package with ending $(1) on every Python, or only on the newest if $(2) is not empty.
+run-packages = @for python in $$($(LIST_PYTHONS)); do \
+  $(MAKE) --no-print-directory run-package VERSION=$${python%%=*} PYTHON=$${python\#*=} ENDING=$(1) || exit 1; \
+  test -z "$(2)" || break; done
+
+run-package: THERE = $(RELEASE)/$(VERSION)
+run-package: ALONE = cd $(THERE)/empty && env -i PATH=/usr/bin:/bin HOME=$(THERE)/empty ../env/bin
+run-package:
+	rm -rf $(THERE) && mkdir -p $(THERE)/empty
 	$(PYTHON) -m venv $(THERE)/env
-	$(THERE)/env/bin/python -m pip install --disable-pip-version-check --no-compile --quiet $(WHEEL)/*.whl
+	$(THERE)/env/bin/python -m pip install --disable-pip-version-check --no-compile --quiet $(RELEASE)/*.$(ENDING)
+	$(THERE)/env/bin/python .ci/release licences > $(RELEASE)/licences-$(VERSION)
 	echo 'raise ImportError("another package")' > $(THERE)/env/lib/python$(VERSION)/site-packages/validation.py
 	$(ALONE)/robotball --version
 	$(ALONE)/robotball export fig12 > fig12.xml
@@ -127,8 +141,8 @@ run-wheel:
 	  files = rb.__file__, sys.modules[rb.compare.__module__].__file__; \
 	  sys.version_info >= (3, 13) or rb.dm_environment("fig12", [[0, 0], [0, 0]]).reset(); \
 	  sys.exit(any(sys.prefix not in file for file in files))'
-	rm -rf $(THERE)/env
-	@echo "the wheel runs on Python $(VERSION)"
+	rm -rf $(THERE)
+	@echo "robotball from *.$(ENDING) runs on Python $(VERSION)"
 
 bench: setup
 	$(BIN)/python -m bench.speed

@@ -1,30 +1,83 @@
-"""Set-up, continuous integration, the wheel and the check of commit subjects."""
+"""Set-up, continuous integration, the release and the check of commit subjects."""
 
 import ast
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
+from importlib import import_module
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
 import pytest
 
+from docs.tutorials.notebooks import FOLDER, INSTALL, NOTEBOOKS
 from tests.imports import PROJECT
 from tests.messages import unnamed
 
 OUTSIDE = re.compile(r"validation(\.\w+)*$")  # a module of the top-level package validation
 SUBJECTS = PROJECT / ".ci" / "subjects"
+GITHUB = PROJECT / ".github"
 PYPROJECT = tomllib.loads((PROJECT / "pyproject.toml").read_text())
+VERSION = PYPROJECT["project"]["version"]
 
 
 def test_pythons_from_3_11_to_3_14_are_supported() -> None:
     """The package and the Makefile state the same range."""
     (by_make,) = re.findall(r"^PYTHON_RANGE := (.*)$", (PROJECT / "Makefile").read_text(), re.M)
     assert by_make == PYPROJECT["project"]["requires-python"] == ">=3.11,<3.15"
+    matrix = yaml_of(GITHUB / "workflows" / "ci.yml")["jobs"]["run"]["strategy"]["matrix"]
+    assert matrix == {"system": ["ubuntu", "macos"], "python": ["3.11", "3.12", "3.13", "3.14"]}
+
+
+def yaml_of(file: Path) -> Any:
+    return import_module("yaml").safe_load(file.read_text(encoding="utf-8"))
+
+
+def test_the_workflow_runs_the_checks_of_ci_with_the_python_of_the_matrix() -> None:
+    """setup-python puts it first on the PATH. The subjects since the last tag need all commits."""
+    job = yaml_of(GITHUB / "workflows" / "ci.yml")["jobs"]["run"]
+    checkout, python, cache, run, check = job["steps"]
+    assert checkout["with"]["fetch-depth"] == 0
+    assert python["with"]["python-version"] == "${{ matrix.python }}"
+    assert cache["with"]["path"] == ".cache"
+    assert {*job["env"]} == {"UV_CACHE_DIR", "PIP_CACHE_DIR"}
+    assert all("/.cache/" in folder for folder in job["env"].values())
+    assert run["run"] == ".ci/run"
+    assert check["run"].startswith(".venv/bin/python --version")
+
+
+@pytest.mark.parametrize("name", ["engine_finding", "refused_model", "wrong_result"])
+def test_an_issue_form_requires_the_scene_and_the_version(name: str) -> None:
+    form = yaml_of(GITHUB / "ISSUE_TEMPLATE" / f"{name}.yml")
+    fields = {field["id"]: field for field in form["body"]}
+    assert [fields[name]["validations"]["required"] for name in ("scene", "version")] == [True] * 2
+    assert "robotball --version" in fields["version"]["attributes"]["description"]
+    assert {*form} == {"name", "description", "labels", "body"}
+
+
+def test_the_dockerfile_runs_the_two_commands_of_the_readme() -> None:
+    """Its image has git for the tests, so git's folder is copied."""
+    readme = (PROJECT / "README.md").read_text(encoding="utf-8")
+    file = (PROJECT / "Dockerfile").read_text(encoding="utf-8")
+    commands = re.findall(r"^RUN (make.*)|^CMD (.*)", file, re.M)
+    words = [run or " ".join(ast.literal_eval(cmd)) for run, cmd in commands]
+    assert words == re.findall(r"^(?: {4})?(make (?:demo|test))\b", readme, re.M)
+    assert ".git\n" not in (PROJECT / ".dockerignore").read_text()
+
+
+def test_the_first_code_cell_of_a_tutorial_installs_robotball() -> None:
+    """In a hosted notebook; `make tutorials` writes the cell below the title."""
+    for name in NOTEBOOKS:
+        book = json.loads((FOLDER / f"{name}.ipynb").read_text(encoding="utf-8"))
+        assert "".join(book["cells"][1]["source"]) == INSTALL.rstrip(), name
 
 
 def test_labmaze_is_left_out() -> None:
@@ -62,7 +115,8 @@ def run_ci(tmp_path: Path, *pythons: str) -> tuple[list[str], str]:
         '{ echo "make $*"; env; ls -A "$HOME"; } >> "$0.log"',
     )
     path = os.pathsep.join([str(tmp_path), os.environ["PATH"]])
-    machine = {**os.environ, "PATH": path, "HOME": str(PROJECT)}
+    machine = {**os.environ, "PATH": path, "HOME": str(PROJECT), "UV_CACHE_DIR": "/downloads"}
+    machine.pop("PIP_CACHE_DIR", None)
     command = [clone / ".ci" / "run"]
     ran = subprocess.run(command, env=machine, check=True, capture_output=True, text=True)
     calls = re.split(r"^make ", make.with_name("make.log").read_text(), flags=re.M)[1:]
@@ -70,9 +124,10 @@ def run_ci(tmp_path: Path, *pythons: str) -> tuple[list[str], str]:
 
 
 def git_commit(folder: Path, subject: str) -> None:
-    """Make an empty commit, in a new repository if the folder is not one."""
+    """Commit all files, or none, in a new repository if the folder is not one."""
     git = ["git", "-C", str(folder), "-c", "user.name=A", "-c", "user.email=a@b.c"]
     subprocess.run([*git, "init", "--quiet"], check=True)
+    subprocess.run([*git, "add", "--all"], check=True)
     subprocess.run([*git, "commit", "--quiet", "--allow-empty", "-m", subject], check=True)
 
 
@@ -131,7 +186,10 @@ def test_the_commits_since_the_last_tag_are_checked(tmp_path: Path) -> None:
 
 
 def test_continuous_integration_sees_no_variable_of_its_machine_but_PATH(tmp_path: Path) -> None:
-    """It runs the README's two commands and two more, each with an empty HOME."""
+    """It runs the README's two commands and two more, each with an empty HOME.
+
+    The folders in which uv and pip keep downloads are passed on if they are set.
+    """
     calls, output = run_ci(tmp_path, "3.13=/new/python3.13", "3.12=/old/python3.12")
     commands = [call.split("\n")[0] for call in calls]
     other = "VENV=.venv-other PYTHON=/new/python3.13 UV_COMPILE_BYTECODE=0"
@@ -142,7 +200,8 @@ def test_continuous_integration_sees_no_variable_of_its_machine_but_PATH(tmp_pat
         variables = {line for line in call.split("\n")[1:-1] if not of_the_shell.match(line)}
         home = {line for line in variables if line.startswith("HOME=")} - {f"HOME={PROJECT}"}
         assert len(home) == 1
-        assert variables == home | more | {f"PATH={tmp_path}:{os.environ['PATH']}"}
+        path = f"PATH={tmp_path}:{os.environ['PATH']}"
+        assert variables == home | more | {path, "UV_CACHE_DIR=/downloads"}
     assert len(re.findall(r"^== .*make .*: \S+s, processor time \S+s user", output, re.M)) == 4
 
 
@@ -204,3 +263,79 @@ def test_the_wheel_has_the_files_of_the_checkout(tmp_path: Path) -> None:
             elif isinstance(node, ast.ImportFrom | ast.Constant):
                 names.append(node.module if isinstance(node, ast.ImportFrom) else node.value)
             assert not [module for module in names if OUTSIDE.match(str(module))], name
+
+
+def release(folder: Path, *step: str) -> tuple[int, str]:
+    """Run a step of a release in a copy of the project, and return its status and output."""
+    command = [sys.executable, str(folder / ".ci" / "release"), *step]
+    done = subprocess.run(command, capture_output=True, text=True)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """Return a repository with the files that a release reads, all committed."""
+    folder = tmp_path / "clone"
+    shutil.copytree(PROJECT / ".ci", folder / ".ci")
+    for name in ("pyproject.toml", "CITATION.cff"):
+        shutil.copy(PROJECT / name, folder)
+    (folder / "CHANGELOG.md").write_text(f"# Changelog\n\n## {VERSION} (unreleased)\n")
+    git_commit(folder, "Add the files")
+    return folder
+
+
+def test_all_files_state_the_same_version() -> None:
+    assert release(PROJECT, "versions") == (0, "")
+    assert version("robotball") == VERSION
+
+
+@pytest.mark.parametrize("file", ["CITATION.cff", "CHANGELOG.md", "pyproject.toml"])
+def test_a_version_that_differs_is_named_with_its_file(clone: Path, file: str) -> None:
+    text = (clone / file).read_text().replace(VERSION, "9.8.7", 1)
+    (clone / file).write_text(text)
+    status, output = release(clone, "versions")
+    assert (status, unnamed(f"{file}~9.8.7 {VERSION}", output)) == (1, [])
+
+
+def test_only_a_clean_tree_with_a_dated_changelog_is_tagged(clone: Path) -> None:
+    """All that is missing is named in a line. The tag is annotated."""
+    for key, value in (("name", "A"), ("email", "a@b.c")):
+        subprocess.run(["git", "-C", clone, "config", f"user.{key}", value], check=True)
+    tags = ["git", "-C", str(clone), "for-each-ref", "--format=%(objecttype) %(refname:short)"]
+    tag = f"v{VERSION}"
+    (clone / "more.txt").touch()
+    status, output = release(clone, "tag")
+    assert (status, unnamed("CHANGELOG.md date changes", output)) == (1, [])
+    assert output.count("\n") == 1
+    (clone / "more.txt").unlink()
+    (clone / "CHANGELOG.md").write_text(f"## [{VERSION}] - 2030-01-02\n")
+    assert "date" not in release(clone, "tag")[1]
+    git_commit(clone, "Date the changelog")
+    assert release(clone, "tag")[0] == 0
+    assert f"tag {tag}" in subprocess.check_output(tags, text=True).splitlines()
+    status, output = release(clone, "tag")
+    assert (status, unnamed(f"{tag} exists", output)) == (1, [])
+
+
+def test_the_contents_of_a_release_are_its_files_and_the_licences(tmp_path: Path) -> None:
+    """Of the wheel, the sdist and each Python's dependencies."""
+    with ZipFile(tmp_path / "a.whl", "w") as wheel:
+        wheel.writestr("a/b.py", "12345")
+    (tmp_path / "c.py").write_text("123")
+    with tarfile.open(tmp_path / "a.tar.gz", "w:gz") as sdist:
+        sdist.add(tmp_path / "c.py", "a/c.py")
+    for python, lines in (("3.12", "n 2: MIT"), ("3.13", "n 2: MIT\no 1: BSD-3-Clause")):
+        (tmp_path / f"licences-{python}").write_text(f"{lines}\n")
+    assert release(PROJECT, "contents", str(tmp_path)) == (0, "")
+    listed = " ".join((tmp_path / "CONTENTS").read_text().split())
+    facts = ("5 a/b.py", "3 a/c.py", "n 2: MIT (Python 3.12, 3.13)", "o 1: BSD-3-Clause (Python")
+    assert [fact for fact in facts if fact not in listed] == []
+    assert f"above: {PYPROJECT['project']['license']} " in listed
+
+
+def test_the_licence_of_each_installed_package_is_stated() -> None:
+    """As an expression, by classifiers or in words."""
+    _, output = release(PROJECT, "licences")
+    rows = dict(line.split(": ", 1) for line in output.splitlines())
+    numpy, mujoco = (rows[f"{name} {version(name)}"] for name in ("numpy", "mujoco"))
+    assert ("BSD-3-Clause" in numpy, "Apache" in mujoco) == (True, True)

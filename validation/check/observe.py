@@ -155,7 +155,7 @@ def observe(
     ideal = None
     if theory.slipping:
         with contextlib.suppress(InputError, _SlowError):
-            ideal = _integrated(_ideal(theory.scene), theory.times, rtol, show)
+            ideal = _integrated(theory.scene.ideal, theory.times, rtol, show)
     path, end = path[: len(theory.times)], theory.times[-1]
     if theory.slipping and symptoms.hops:  # an error of the contact, not a flight
         symptoms = replace(symptoms, failure=None, until=float(motion.times[-1]))
@@ -250,7 +250,7 @@ def _references(
                 theory = _reference(scene, times, rtol, show)
                 if is_shock(user, theory) and not scene.start.slips:
                     # A servo jumps to its command: no contact follows the slip of its first steps.
-                    theory = _integrated(_ideal(scene), times, rtol, show)
+                    theory = _integrated(scene.ideal, times, rtol, show)
                 theories[rolling] = theory
         except (InputError, _SlowError) as error:
             causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(user, scene))
@@ -273,12 +273,6 @@ class _SlowError(Exception):
     """The equations take too long."""
 
 
-def _ideal(scene: Scene) -> Scene:
-    """Return the scene with unlimited friction, which does not slip at the start."""
-    friction = replace(scene.friction, sliding=None, torsional=None)
-    return replace(scene, friction=friction, start=replace(scene.start, slip=np.zeros(3)))
-
-
 def is_shock(user: UserModel, theory: ReferenceMotion) -> bool:
     """Return whether all slip ends within so few steps that no contact follows it."""
     return bool(theory.slipping) and theory.slipping[-1][1] < shock_time(user)
@@ -296,7 +290,7 @@ def _reference(scene: Scene, times: Array, rtol: float, show: Show) -> Reference
     except InputError:
         if not scene.may_slip:
             raise
-    return _integrated(_ideal(scene), times, rtol, show)
+    return _integrated(scene.ideal, times, rtol, show)
 
 
 def _integrated(scene: Scene, times: Array, rtol: float, show: Show) -> ReferenceMotion:

@@ -1,17 +1,21 @@
-"""Read and write tables of numbers with a header, as CSV, NPZ or Parquet.
+"""Read and write tables of numbers with a header, as CSV, NPZ or Parquet; read logs of records.
 
 Numbers are restored to the last bit. The CSV reader accepts what simulators write: any delimiter,
-comments, a line of units, a byte order mark. `records` reads further formats.
+comments, a line of units, a byte order mark. The numbers of nested records, such as JSON lines and
+the messages of a ROS bag, become columns, named by the keys that lead to them, such as
+"imu.angular_velocity.x". A list beside names, as in a JointState, uses these:
+"joint_states.roll_joint.position".
 """
 
 import contextlib
 import io
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
+from numbers import Real
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,7 +34,9 @@ _MAX_MEMORY = 1_000_000_000  # bytes of all numbers; that motion takes 0.9e9
 _FLOAT_BYTES = 8
 # JSON members of an NPZ and metadata keys of a Parquet file; in a CSV, units are in the header.
 _HEADER, _UNITS = "header", "units"
-_RECORDS = (".jsonl", ".ndjson", ".mat", ".bag", ".db3", ".mcap")
+_LONGEST_LIST = 8  # numbers of a list that become columns; covariances and images are longer
+_DEEPEST = 16  # nested keys
+_NS = 1_000_000_000
 RECORDS = "records"  # header entry of a table whose rows may lack any column
 # Units that need no conversion. The drive decides if its values are rates, angles or torques.
 _TIME, VALUES = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
@@ -60,12 +66,12 @@ def read_table(path: Path, gaps: bool = False) -> Table:
 
     gaps: whether empty cells of a text file are read as NaN; otherwise they are an error.
     """
+    lines, mat, bag = (partial(_read_records, r) for r in (_read_json_lines, _read_mat, _read_bag))
     texts = dict.fromkeys((".csv", ".tsv", ".txt"), partial(_read_csv, empty="nan" if gaps else ""))
-    read = _of_suffix(
-        path,
-        {**texts, ".npz": _read_npz, ".parquet": _read_parquet}
-        | dict.fromkeys(_RECORDS, partial(_read_records, suffix=path.suffix.lower())),
-    )
+    readers = {**texts, ".npz": _read_npz, ".parquet": _read_parquet}
+    readers |= {".jsonl": lines, ".ndjson": lines, ".mat": mat}
+    readers |= dict.fromkeys((".bag", ".db3", ".mcap"), bag)
+    read = _of_suffix(path, readers)
     fault = f"not a readable {path.suffix[1:].upper()} file"
     with opened(path, _LONGEST) as file, named(path), readable(fault):
         table = read(file)
@@ -244,10 +250,8 @@ def _write_npz(path: Path, table: Table) -> None:
         np.savez(file, allow_pickle=False, **members)
 
 
-def _read_records(file: BinaryIO, suffix: str) -> Table:
-    from robotball.files.records import READERS  # late: few files are such
-
-    columns = dict(_columns(READERS[suffix](file)))
+def _read_records(read: Callable[[BinaryIO], dict[str, Array]], file: BinaryIO) -> Table:
+    columns = dict(_columns(read(file)))
     _check_size(sum(column.nbytes for column in columns.values()))
     if not columns:
         raise InputError("the file holds no numbers")
@@ -327,3 +331,87 @@ def _read_parquet(file: BinaryIO) -> Table:
     texts = (metadata.get(key.encode(), b"").decode(errors="replace") for key in keys)
     header, units = map(_texts, texts)
     return Table(dict(_columns(arrays)), units, header)
+
+
+def _numbers_in(value: Any, name: str = "", depth: int = 0) -> Iterator[tuple[str, float]]:
+    """Yield the numbers of a nested record, with their names."""
+    if hasattr(value, "__dataclass_fields__"):  # a ROS message
+        value = vars(value)
+    if isinstance(value, np.ndarray):
+        value = value.tolist() if value.size <= _LONGEST_LIST else ()
+    if isinstance(value, Real) and not isinstance(value, bool):
+        yield name, float(value)
+    elif isinstance(value, Mapping) and depth < _DEEPEST:
+        labels = value.get("name")
+        labels = [str(label) for label in labels] if isinstance(labels, list) else []
+        start = f"{name}." if name else ""
+        for key, inner in value.items():
+            values = [] if isinstance(inner, str | Mapping) or not np.size(inner) else inner
+            if labels and np.ndim(values) == 1 and len(values) == len(labels) and key != "name":
+                for label, number in zip(labels, values, strict=True):
+                    yield from _numbers_in(number, f"{start}{label}.{key}", depth + 1)
+            else:
+                yield from _numbers_in(inner, f"{start}{key}", depth + 1)
+    elif isinstance(value, list | tuple) and len(value) <= _LONGEST_LIST and depth < _DEEPEST:
+        for i, inner in enumerate(value):
+            yield from _numbers_in(inner, f"{name}.{i}", depth + 1)
+
+
+def _columns_of(rows: list[dict[str, float]]) -> dict[str, Array]:
+    """Return the columns of records; NaN in records that do not have a number."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+
+
+def _read_json_lines(file: BinaryIO) -> dict[str, Array]:
+    """Return the columns of a file with one JSON object per line."""
+    records = []
+    for number, line in enumerate(file, 1):
+        try:
+            record = json.loads(line) if line.strip() else {}
+        except ValueError as error:
+            raise InputError(f"line {number} is not JSON: {error}") from None
+        if record:
+            records.append(dict(_numbers_in(record)))
+    return _columns_of(records)
+
+
+def _read_bag(file: BinaryIO) -> dict[str, Array]:
+    """Return the columns of a ROS bag: one row for each time stamp, the time in ns."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        line = "ROS bags need rosbags: install robotball's extra `bags`, or write a .csv file"
+        raise InputError(line) from None
+    rows = dict[int, dict[str, float]]()
+    default = get_typestore(Stores.LATEST)
+    with AnyReader([Path(file.name)], default_typestore=default) as reader:
+        for connection, received, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            record = dict(_numbers_in(message, connection.topic.strip("/")))
+            stamp = {name: record.pop(name) for name in [*record] if "stamp." in name}
+            sec, nanosec = (*map(int, stamp.values()), 0, 0)[:2]
+            rows.setdefault(sec * _NS + nanosec or received, {}).update(record)
+    return _columns_of([{"t [ns]": float(at), **rows[at]} for at in sorted(rows)])
+
+
+def _read_mat(file: BinaryIO) -> dict[str, Array]:
+    """Return the columns of a MATLAB file: its longest vectors, and matrices with as many rows."""
+    from scipy.io import loadmat  # late: it takes a tenth of a second
+
+    try:
+        members = loadmat(file.name, appendmat=False, simplify_cells=True)
+    except NotImplementedError:
+        raise InputError("MATLAB files of version 7.3 are not read; save with -v7") from None
+    arrays = dict(_vectors(members))
+    longest = max((len(array) for array in arrays.values()), default=0)
+    return {name: array for name, array in arrays.items() if len(array) == longest}
+
+
+def _vectors(members: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:
+    for name, value in members.items():
+        if isinstance(value, Mapping):
+            yield from _vectors(value, f"{prefix}{name}.")
+        elif isinstance(value, np.ndarray) and value.ndim in (1, 2):
+            yield f"{prefix}{name}", value if value.shape[0] == max(value.shape) else value.T

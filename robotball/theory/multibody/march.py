@@ -7,25 +7,19 @@ piece begins in the modes that follow.
 
 from dataclasses import dataclass, field
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
 from robotball.motion import Progress
 from robotball.robot.loop import Loop, TrueReading
 from robotball.rotations import Array
+from robotball.theory import friction
 from robotball.theory.dop853 import Compensated, Steps, take_step
-from robotball.theory.friction import (
-    SLIP_RTOL,
-    across,
-    follow,
-    is_stiff,
-    slip_speed,
-    start_state,
-)
-from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT, Modes
-from robotball.theory.multibody.modes import begin_modes, hold_at_rest, margins_of, switch_modes
+from robotball.theory.multibody.derivative import HINGES, MOMENTUM, POINT, STANDING, Modes, Readings
 from robotball.theory.multibody.slip_steps import SlipSteps
 from robotball.theory.multibody.system import System
+from robotball.theory.plane import lift_off
 
 _LEEWAY = 1.08  # times the step that scipy proposes, which is 0.9 of the one that the error allows
 _LOOKS = 4  # times within a step at which margins are evaluated, for an event that ends within it
@@ -33,6 +27,9 @@ _LOOKS = 4  # times within a step at which margins are evaluated, for an event t
 # in it: a step is short against the time in which a margin turns.
 _FAR = 0.1
 _ROOT = 1e-15  # s, and relative: the tolerance of an event's time
+# The index of this margin; its event ends the rolling. The ranges of joints follow, which end the
+# motion, then the limited motors, a standing shell, and a sticking one.
+_LIFT_OFF = 0
 
 
 @dataclass
@@ -85,12 +82,12 @@ class March:
         """
         system = self.system
         samples = _Samples(system, times)
-        state, t = start_state(system), 0.0
+        state, t = friction.start_state(system), 0.0
         for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
             if self.loop is not None:
                 self.loop.reach(t, partial(self._sensed, t, state))
             system.begin(t, end)
-            state = begin_modes(system, t, state)
+            state = _begin_modes(system, t, state)
             if not samples.done:
                 samples.add(0.0, state[None])
             while t < end and not self.stopped:
@@ -112,8 +109,8 @@ class March:
         """Integrate to the next event or to `end` [s]. Returns the time and the state there."""
         system = self.system
         solver = self._solver(t, end, state)
-        margins, longest = margins_of(system, t, state), 0.0
-        speed = slip_speed(system, system.readings(t, state))
+        margins, longest = _margins_of(system, t, state), 0.0
+        speed = friction.slip_speed(system, system.readings(t, state))
         while solver.t < end:
             before = (solver.t, solver.state, system.modes)
             self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
@@ -127,19 +124,20 @@ class March:
                 self.switches.append(t)
                 # Steps end at the event: the interpolant is of order 7 only, and its error would
                 # stay in the rest of the motion.
-                return t, switch_modes(system, t, self._at(before, t), margin)
+                return t, _switch_modes(system, t, self._at(before, t), margin)
             longest = max(longest, solver.next_step)
             # No margin changes its sign when a shell comes to rest, so every step is checked.
             if system.resistance and not system.modes.standing:
                 readings = system.readings(solver.t, solver.state)
-                state = hold_at_rest(system, solver.t, solver.state, readings)
+                state = _hold_at_rest(system, solver.t, solver.state, readings)
                 if system.modes.standing:
                     return solver.t, state
             if system.modes.slipping:
                 readings = system.readings(solver.t, solver.state)
-                last, speed = speed, slip_speed(system, readings)
-                self.stiff = is_stiff(system, speed, (speed - last) / (solver.t - before[0]))
-                t, state = follow(system, solver.t, end, solver.state, readings)
+                last, speed = speed, friction.slip_speed(system, readings)
+                rate = (speed - last) / (solver.t - before[0])
+                self.stiff = friction.is_stiff(system, speed, rate)
+                t, state = friction.follow(system, solver.t, end, solver.state, readings)
                 if t > solver.t:
                     samples.add(t, state[None])
                 if state is not solver.state or self.stiff != isinstance(solver, SlipSteps):
@@ -152,17 +150,17 @@ class March:
     ) -> tuple[tuple[float, int] | None, Array]:
         """Return the time and margin of the last step's first event, and the margins after it."""
         system = self.system
-        after = margins_of(system, solver.t, solver.state)
+        after = _margins_of(system, solver.t, solver.state)
         if (np.minimum(margins, after) > _FAR + 2 * np.abs(after - margins)).all():
             return None, after
         looks = np.linspace(before, solver.t, _LOOKS + 2)
 
         def margin(t: float, index: int) -> float:
             state = solver.within(np.array([t]))[0]
-            return float(margins_of(system, t, state)[index])
+            return float(_margins_of(system, t, state)[index])
 
         inside = zip(looks[1:-1], solver.within(looks[1:-1]), strict=True)
-        rows = [margins, *(margins_of(system, t, state) for t, state in inside), after]
+        rows = [margins, *(_margins_of(system, t, state) for t, state in inside), after]
         events: list[tuple[float, int]] = []
         for index in range(len(after)):
             for i in range(1, len(looks)):
@@ -182,7 +180,7 @@ class March:
         system = self.system
         if np.any(system.modes.ahead) or (system.modes.slipping and self.stiff):
             return SlipSteps(system, begin, end, state)
-        rtol = min(self.rtol, SLIP_RTOL) if system.modes.slipping else self.rtol
+        rtol = min(self.rtol, friction.SLIP_RTOL) if system.modes.slipping else self.rtol
         solver = Compensated(system.stages, begin, end, state, rtol, system.scale)
         if system.holds and self.natural is not None:
             # As many equal steps as the last piece would have taken. To search the length of the
@@ -224,5 +222,94 @@ class _Samples:
                 self.readings[i] = self.system.numbers(t, self.states[i]).ravel()
             if self.system.spins:  # the states have L in place of M = γ×L
                 for states in np.split(self.states[new], len(self.system.scenes), axis=1):
-                    states[:, MOMENTUM : MOMENTUM + 3] = across(states[:, MOMENTUM : MOMENTUM + 3])
+                    L = states[:, MOMENTUM : MOMENTUM + 3]
+                    L[:] = friction.across(L)
             self.done = new.stop
+
+
+def _margins_of(system: System, t: float, state: Array) -> Array:
+    """Return the margins of all events at time t [s]."""
+    readings = system.readings(t, state)
+    scene, modes = system.scene, system.modes
+    weight = scene.ball.mass * scene.gravity
+    margins = [readings.normal / weight]
+    for i, (_, low, high) in system.ranges:
+        margins.append(1 - abs(2 * state[i] - low - high) / (high - low))
+    for j in system.limited:
+        part = readings.unlimited[j] / system.limits[j]
+        margins.append(1 - abs(part) if modes.motors[j] == 0 else modes.motors[j] * part - 1)
+    if modes.standing:
+        margins.append(1 - _holding_torque(readings) / (system.resistance * readings.normal))
+    if system.slips and not modes.slipping:
+        margins.append(1 - friction.grip(system, readings))
+    return np.array(margins)
+
+
+def _begin_modes(system: System, t: float, state: Array) -> Array:
+    """Set the modes of a smooth piece that begins at t [s], and return the state in them."""
+    # The motors come first, because the load on the plane depends on their torques.
+    if system.limited:
+        modes, unlimited = system.modes, system.readings(t, state).unlimited
+        sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
+        if (sides != modes.motors).any():
+            system.modes = modes._replace(motors=sides.astype(np.int64))
+    readings = system.readings(t, state)
+    if not readings.normal > 0:
+        raise lift_off(t)
+    return friction.begin(system, t, _hold_at_rest(system, t, state, readings))
+
+
+def _switch_modes(system: System, t: float, state: Array, event: int) -> Array:
+    """Set the modes that follow an event at t [s], and return the state in them."""
+    readings, modes = system.readings(t, state), system.modes
+    if event == _LIFT_OFF:
+        raise lift_off(t)
+    event -= 1 + len(system.ranges)
+    if event >= len(system.limited):
+        stands = modes.standing and event == len(system.limited)
+        return _let_go(system, t, state) if stands else friction.slide(system, t, state)
+    j = system.limited[event]
+    motors = modes.motors.copy()
+    motors[j] = int(np.sign(readings.unlimited[j])) if modes.motors[j] == 0 else 0
+    system.modes = modes._replace(motors=motors)
+    return state
+
+
+def _hold_at_rest(system: System, t: float, state: Array, readings: Readings) -> Array:
+    """Set whether the plane holds a shell that has come to rest, and return the state."""
+    modes = system.modes
+    if not system.resistance or modes.standing:
+        return state
+    if np.linalg.norm(readings.rolling) > STANDING:
+        system.modes = modes._replace(standing=False, toward=np.zeros(3))
+        return state
+    system.modes = modes._replace(standing=True, toward=np.zeros(3))
+    at_rest = system.readings(t, state)
+    if _holding_torque(at_rest) <= system.resistance * at_rest.normal:
+        # This drops the residual rolling velocity.
+        return friction.with_momenta(system, t, state, system.numbers(t, state))
+    # The shell has just begun to roll, and is still slower than STANDING.
+    if np.any(modes.toward):
+        system.modes = modes
+        return state
+    return _let_go(system, t, state)
+
+
+def _let_go(system: System, t: float, state: Array) -> Array:
+    """Set the mode of a standing shell that begins to roll, and return the state.
+
+    If the load grows, the direction stays opposite to the holding torque.
+    """
+    readings = system.readings(t, state)
+    state = friction.with_momenta(system, t, state, system.numbers(t, state))
+    system.modes = modes = system.modes._replace(standing=False, toward=np.zeros(3))
+    toward = -readings.plane_torque * [1.0, 1.0, 0.0] / _holding_torque(readings)
+    friction.find_direction(
+        system, t, state, lambda d: modes._replace(toward=d), attrgetter("rolling"), toward
+    )
+    return state
+
+
+def _holding_torque(readings: Readings) -> float:
+    """Return the horizontal torque [N m] with which the plane holds a standing shell."""
+    return float(np.linalg.norm(readings.plane_torque[:2]))

@@ -278,10 +278,8 @@ def redesign(
     """
     if mass is None and scene.rolling == "classical":  # another mass would change the motion
         mass = scene.ball.mass
-    numbers, axes = numbers or scene.parameters, scene.principal_axes
-    result = design(
-        scene.ball.A, axes @ numbers.Omega, axes @ numbers.K, scene.ball.radius, mass, limits
-    )
+    numbers, axes, ball = numbers or scene.parameters, scene.principal_axes, scene.ball
+    result = design(ball.A, axes @ numbers.Omega, axes @ numbers.K, ball.radius, mass, limits)
     return result, replace(
         scene,
         name=f"{scene.name}_designed",
@@ -626,9 +624,7 @@ def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputErr
     within = request.frame_radius if limits.buildable else math.inf
     any_speed = replace(request, speed=math.inf)
     if _largest_margin(any_speed, within) > _LEAST_MARGIN:
-        needed = _least(
-            lambda speed: _largest_margin(replace(request, speed=speed), within), request.speed
-        )
+        needed = _least(lambda w: _largest_margin(replace(request, speed=w), within), request.speed)
         return InputError(
             f"rotor speed: the momentum K + (J_s + d)Ω needs {needed:.4g} rad/s, at most "
             f"{request.speed:.6g} rad/s is allowed: {needed - request.speed:.4g} rad/s more"

@@ -259,9 +259,7 @@ def half(
         problem.watch.grows(Branch((*points[::-1], *behind[1:]), (UNFINISHED, UNFINISHED)))
         if end := problem.end(new.x[:-1]):
             return points, end
-        one, other, *away = (
-            (point.x - start.x)[problem.identity :] for point in (last, new, *special)
-        )
+        one, other, *away = ((p.x - start.x)[problem.identity :] for p in (last, new, *special))
         between = one @ other < -_BENT * np.linalg.norm(one) * np.linalg.norm(other)
         here, there, now = (np.sort_complex(point.exponents) for point in (start, last, new))
         if between and np.abs(now - here).max() < _ALIKE + np.abs(now - there).max():

@@ -331,9 +331,8 @@ def _closed_near(parameters: Parameters, gamma: Array, period: float) -> Cycle |
 
 def reversed_in_time(parameters: Parameters) -> Parameters:
     """Return the ball whose motions run backwards in time: ω is linear in (M, K, Ω)."""
-    return replace(
-        parameters, Omega=eq.scale(-1.0, parameters.Omega), K=eq.scale(-1.0, parameters.K)
-    )
+    Omega, K = eq.scale(-1.0, parameters.Omega), eq.scale(-1.0, parameters.K)
+    return replace(parameters, Omega=Omega, K=K)
 
 
 def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:

@@ -312,9 +312,8 @@ def jacobian(parameters: Parameters, gamma: Array) -> Array:
 
 def rate_scale(parameters: Parameters) -> float:
     """Return the magnitude of the rates of (4.1) [1/s]."""
-    return float(
-        np.linalg.norm(parameters.Omega) + np.linalg.norm(eq.diagonal(parameters.A, parameters.K))
-    )
+    turned = eq.diagonal(parameters.A, parameters.K)
+    return float(np.linalg.norm(parameters.Omega) + np.linalg.norm(turned))
 
 
 def attitude_at(gamma: Array) -> Array:

@@ -202,10 +202,8 @@ def basins(
     followed = np.flatnonzero(labels == TORUS)
     if not len(followed):
         return Basins(labels, ())
-    ends = at_end[followed]
-    crossings = sections_of(
-        parameters, ends, momenta[followed], _CROSSINGS, tolerance=LONG_RUN_TOLERANCE
-    )
+    ends, tolerance = (at_end[followed], momenta[followed]), LONG_RUN_TOLERANCE
+    crossings = sections_of(parameters, *ends, _CROSSINGS, tolerance=tolerance)
     labels[followed[crossings.status > 0]] = LOST
     points = crossings.states
     cycles: list[Cycle] = []

@@ -194,9 +194,8 @@ class Family(Range):
     def constants(self, u: Array, s: float) -> Array:
         """Return γ² - 1 and, if M ≠ 0, μ² - 1 and (μ, γ) - c/√f, all zero on the level."""
         gamma, *mu = v = vectors_of(u)
-        return np.stack(
-            [*(v * v).sum(axis=1) - 1, *((m * gamma).sum(axis=0) - self.at(s)[2] for m in mu)]
-        )
+        along = ((m * gamma).sum(axis=0) - self.at(s)[2] for m in mu)
+        return np.stack([*(v * v).sum(axis=1) - 1, *along])
 
     def flow(self, u: Array, s: float) -> tuple[Flow, int]:
         """Return the flow near u and its number of coordinates."""

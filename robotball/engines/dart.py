@@ -136,10 +136,8 @@ class _DartDynamics(adapter.IdealWorld):
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         _put(self.ball, state, self.dart)
-        # A free joint's velocities are (ω, v).
-        return adapter.velocity_first(
-            self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces()
-        )
+        ball = self.ball  # a free joint's velocities are (ω, v)
+        return adapter.velocity_first(ball.getMassMatrix(), ball.getCoriolisAndGravityForces())
 
 
 DART = adapter.Adapter(

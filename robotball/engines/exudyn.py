@@ -94,10 +94,8 @@ class _ExudynWorld(adapter.World):
         return marker
 
     def _torque_on(self, marker: Any) -> None:
-        load = self.items.LoadTorqueVector
-        self.system.AddLoad(
-            load(markerNumber=marker, bodyFixed=True, loadVectorUserFunction=self._torque)
-        )
+        how = {"bodyFixed": True, "loadVectorUserFunction": self._torque}
+        self.system.AddLoad(self.items.LoadTorqueVector(markerNumber=marker, **how))
 
     def _constrain(self, nodes: list[Any]) -> None:
         """Add our constraint on the velocities of two nodes."""

@@ -50,9 +50,7 @@ for row in np.loadtxt(here / "{_CONTROLS}", delimiter=",", skiprows=1, ndmin=2):
     mujoco.mj_step(model, data)
 print("t =", data.time, "s, qpos =", data.qpos.tolist())
 '''
-_SOFTNESS = (
-    "model.body_invweight0[:] *= {softness:g}  # an impedance nearer to 1 than MJCF can say\n"
-)
+_SOFTNESS = "model.body_invweight0[:] *= {softness:g}  # an impedance nearer to 1 than MJCF's\n"
 
 
 @dataclass(frozen=True)
@@ -214,9 +212,8 @@ def _mean_controls(model: Model) -> Array:
 def _mean(drive: Drive, edges: Array) -> Array:
     """Return the mean (n,) of a command between n + 1 times [s]."""
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
-    return np.asarray(
-        sum(w * drive.rate(middle + x * half) for x, w in zip(_GAUSS, _WEIGHTS / 2, strict=True))
-    )
+    nodes = zip(_GAUSS, _WEIGHTS / 2, strict=True)
+    return np.asarray(sum(w * drive.rate(middle + x * half) for x, w in nodes))
 
 
 def dress(model: Model) -> Model:

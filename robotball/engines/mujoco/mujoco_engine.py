@@ -24,9 +24,8 @@ class _MuJoCo(Engine):
     label = LABEL
     presets: Mapping[str, EngineSettings] = PRESETS
     default = "balanced"
-    least_accuracy: float | None = (
-        1e-11  # path lengths; near an unstable motion rounding reaches half of it
-    )
+    # Path lengths; near an unstable motion rounding reaches half of it.
+    least_accuracy: float | None = 1e-11
     as_it_comes = "naive"
     closes_loops = True
 

@@ -50,9 +50,8 @@ class RungeKutta:
         # The state at the step's begin, then the slopes of its stages.
         self._known, self._state = np.zeros((1 + slopes, nq + len(qvel))), np.zeros(nq + len(qvel))
         self._before = [self._known[: 1 + stage] for stage in range(slopes)]
-        self._begin, self._stage = (
-            (state[:nq].data, state[nq:].data) for state in (self._known[0], self._state)
-        )
+        states = self._known[0], self._state
+        self._begin, self._stage = ((state[:nq].data, state[nq:].data) for state in states)
         self._slopes = [
             (row[:3].data, row[3:7], row[FREE_QPOS:nq].data, row[nq:].data)
             for row in self._known[1:]

@@ -85,9 +85,8 @@ def _momentum(model: Model, rows: Array) -> Array:
         arm = rows[:, columns["centre_of_mass"]] - centre * [1.0, 1.0, 0.0]
     else:  # the centre of mass is the sphere's centre and has no sensor
         arm = centre * _UP
-    L = eq.add(
-        tuple(rows[:, columns["angular_momentum"]].T), eq.cross(tuple(arm.T), tuple(linear.T))
-    )
+    spin = tuple(rows[:, columns["angular_momentum"]].T)
+    L = eq.add(spin, eq.cross(tuple(arm.T), tuple(linear.T)))
     return np.stack(eq.cross(tuple(_UP), L) if scene.rolling == "rubber" else L, axis=1)
 
 

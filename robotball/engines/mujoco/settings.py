@@ -437,9 +437,8 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
 
     Raises InputError for an unknown key, and for a value that is missing or invalid.
     """
-    values: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in plain.items()
-    }
+    lists = {key: tuple(value) for key, value in plain.items() if isinstance(value, list)}
+    values: dict[str, Any] = {**plain, **lists}
     try:
         if isinstance(drive := values["drive"], Mapping):
             values["drive"] = Servo(**drive) if "gain" in drive else Prescribed(**drive)

@@ -352,9 +352,8 @@ def recognized(table: Table, more: dict[str, Units], names: Mapping[str, str]) -
             raise unknown("column of a log", new[0], known)
     found: dict[str, tuple[int, str, str | None]] = {}  # rank, title and unit by our name
     for title in table.columns:
-        rank, name, unit = (
-            (0, *_without_unit(renamed[title])) if title in renamed else _parsed(title, known)
-        )
+        ours = renamed.get(title)
+        rank, name, unit = (0, *_without_unit(ours)) if ours else _parsed(title, known)
         if name is None or (name in found and found[name][0] < rank):
             continue
         if name in found and found[name][0] == rank:
@@ -366,9 +365,8 @@ def recognized(table: Table, more: dict[str, Units], names: Mapping[str, str]) -
     units = {name: unit or table.units.get(title, "") for name, (_, title, unit) in found.items()}
     titles = {name: title for name, (_, title, _) in found.items()}
     columns = {name: table.columns[title] for name, title in titles.items()}
-    others = {
-        t: read_only(column) for t, column in table.columns.items() if t not in titles.values()
-    }
+    rest = table.columns.keys() - titles.values()
+    others = {t: read_only(column) for t, column in table.columns.items() if t in rest}
     notes = [] if "t" not in columns else _timed(columns, units)
     notes = [*_made_si(columns, units, known), *notes, *_attitude_of_angles(columns, units)]
     if "t" in columns and columns["t"][0] >= _EPOCH[0]:

@@ -155,9 +155,8 @@ def estimates_at(
         value, began = unknown.value, residuals.unknowns[i].value
         determined = bool(deviation < _UNKNOWN) and not (still and unknown.log is None)
         spread = float(deviation) * unknown.size
-        estimates.append(
-            Estimate(unknown.full_name, value, spread, began, unknown.unit, determined)
-        )
+        numbers = value, spread, began, unknown.unit, determined
+        estimates.append(Estimate(unknown.full_name, *numbers))
     undetermined = [f"{name}: {_STILL}" for name in names]
     undetermined += _undetermined(covariance, unknowns)
     undetermined += [
@@ -197,9 +196,8 @@ def _widened(
                 scale[i] = max(2 * _UNKNOWN / deviation, 1.0)
         if unknown.of_start or unknown.of_friction or deviation < _CURVED:
             continue
-        far = (
-            np.copysign(_FAR, unknown.value) * np.linalg.lstsq(slopes, covariance[i])[0] / deviation
-        )
+        along = np.linalg.lstsq(slopes, covariance[i])[0]
+        far = np.copysign(_FAR, unknown.value) * along / deviation
         while scale[i] * deviation < _UNKNOWN and (
             _refitted(x + scale[i] * far, hold, residuals) < squares + _RISE
         ):

@@ -82,9 +82,8 @@ def first_values(
     slip = _first_slip(started, log, spreads, omega)
     slip = scene.start.slip if slip is None else slip
     if "position" in first:
-        track, error = track_of(
-            next(s for s in log.sensors if s.name == "position"), spreads["position"]
-        )
+        sensor = next(sensor for sensor in log.sensors if sensor.name == "position")
+        track, error = track_of(sensor, spreads["position"])
         values["world.origin" if "world.origin" in freed else "start.place"] = track[0]
         turn, omega = _first_motion(started, slip, track[1], SHOWN * error, omega, "gyro" in first)
         if "world.yaw" in freed and "attitude" not in first:

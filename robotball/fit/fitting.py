@@ -184,9 +184,8 @@ def fit(
     >>> print(f"{result.found[0].value:.3f}")
     0.400
     """
-    numbers = numbers_of(scene).with_whole(
-        [name.removesuffix(WHOLE) for name in free if name.endswith(WHOLE)]
-    )
+    whole = [name.removesuffix(WHOLE) for name in free if name.endswith(WHOLE)]
+    numbers = numbers_of(scene).with_whole(whole)
     initial = numbers.scene({})
     logs = logs_of(logs, initial)
     names = {sensor.name for log in logs for sensor in log.sensors}
@@ -321,14 +320,13 @@ def _solved(
 
 def _with_resistance(residuals: Residuals, x: Array, low: Array, high: Array) -> Array:
     """Return x with the rolling friction that the tracks show, if it explains the logs better."""
-    shown = [
-        log.first["friction.rolling"] for log in residuals.logs if "friction.rolling" in log.first
-    ]
+    rolling = "friction.rolling"
+    shown = [log.first[rolling] for log in residuals.logs if rolling in log.first]
     if not shown:
         return x
     better, value = x.copy(), float(np.median(shown))
     for j, number in enumerate(residuals.unknowns):
-        if number.name == "friction.rolling":
+        if number.name == rolling:
             better[j] = np.clip((value - number.value) / number.size, low[j], high[j])
     return min(better, x, key=lambda at: chi2_of(residuals(at)))
 

@@ -274,9 +274,8 @@ class Residuals:
         )
         # After its last step, a fit requests the same derivatives once more.
         self._derivatives = lru_cache(maxsize=len(logs))(self._by_motion)
-        self._of = [
-            [j for j, u in enumerate(unknowns) if u.log in (None, k)] for k in range(len(logs))
-        ]
+        n = range(len(unknowns))
+        self._of = [[j for j in n if unknowns[j].log in (None, k)] for k in range(len(logs))]
         self._moving = [[j for j in of if unknowns[j].moves] for of in self._of]
 
     def values(self, x: Array) -> Array:
@@ -470,9 +469,8 @@ class Residuals:
 
         change: of the scene, by the value of an unknown `ADDED`.
         """
-        wider = Residuals(
-            self.numbers, [*self.unknowns, *others], self.logs, self.fixed, self.deadline
-        )
+        unknowns = [*self.unknowns, *others]
+        wider = Residuals(self.numbers, unknowns, self.logs, self.fixed, self.deadline)
         wider.change = change
         return wider
 

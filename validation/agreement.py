@@ -30,9 +30,8 @@ if TYPE_CHECKING:
     from .sensitivity import Sensitivity
     from .slip import Slip
 
-_LIMITED = (
-    3.0  # a path error below this multiple of the reference error may be the reference's error
-)
+# A path error below this multiple of the reference error may be the reference's error.
+_LIMITED = 3.0
 
 
 @dataclass(frozen=True, repr=False)

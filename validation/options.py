@@ -91,9 +91,8 @@ PresetName = Literal["naive", "fast", "balanced", "accurate", "efficient", "exac
 Names = Annotated[tuple[str, ...], Parameter(converter=_listed, metavar="NAME,…")]
 Controls = Annotated[tuple[str, ...], Parameter(help=_CONTROL, metavar="NAME=VALUE|FILE")]
 ColumnNames = Annotated[tuple[str, ...], Parameter(help=_MAP, metavar="TITLE=COLUMN")]
-Frictions = Annotated[
-    tuple[str, ...], Parameter(help=_FRICTION, converter=_listed, metavar="SLIDING,…")
-]
+_Sliding = Parameter(help=_FRICTION, converter=_listed, metavar="SLIDING,…")
+Frictions = Annotated[tuple[str, ...], _Sliding]
 Threads = Annotated[int | None, Parameter(help=_THREADS), _COUNT]
 Seed = Annotated[int, Parameter(help="Seed of the random starts."), _COUNT]
 Environments = Annotated[Path | None, Parameter(help=_PLACE, metavar="DIR")]

@@ -277,9 +277,7 @@ def judge(
     """
     scene = scene_of(scene)
     several = [files] if isinstance(files, Path | str | Trajectory) else list(files)
-    trajectories = [
-        file if isinstance(file, Trajectory) else read_trajectory(file) for file in several
-    ]
+    trajectories = [f if isinstance(f, Trajectory) else read_trajectory(f) for f in several]
     judged = []
     for trajectory in trajectories:
         judged.append(_on_its_clock(scene, _thinned(trajectory), tolerance))

@@ -62,9 +62,8 @@ def left_out(motion: RecordedMotion) -> Mistake | None:
 def _flight(motion: RecordedMotion) -> Mistake | None:
     """Return that the ball lost contact, if it is off the plane and falls freely."""
     times, z, gravity = motion.times, motion.height, motion.scene.gravity_world
-    velocities = (
-        np.diff(np.column_stack([motion.contact_point, z]), axis=0) / np.diff(times)[:, None]
-    )
+    points = np.column_stack([motion.contact_point, z])
+    velocities = np.diff(points, axis=0) / np.diff(times)[:, None]
     faster = 2 * np.diff(velocities, axis=0) / (times[2:] - times[:-2])[:, None]
     falls = np.linalg.norm(faster - gravity, axis=1) < _FALLS * np.linalg.norm(gravity)
     flies = falls & (z[1:-1] - z.min() > _OFF * motion.scene.ball.radius)

@@ -110,11 +110,6 @@ def rows_of(file: Trajectory, at: slice | NDArray[np.intp]) -> Trajectory:
     return replace(file, **arrays, others=others)
 
 
-def _some_of(count: int) -> slice:
-    """Select at most `2 * _SAMPLES` of `count` samples at equal distances, including the first."""
-    return slice(None, None, max(1, count // _SAMPLES))
-
-
 def _errors_at(file: Trajectory, truth: _Truth) -> tuple[Array, ...]:
     """Return the errors (n,) of path, attitude and, if known, ω, in the units of `Errors`."""
     offset, omega = file.position[:, :2] - truth.motion.contact_point, truth.motion.angular_velocity
@@ -193,9 +188,7 @@ def _attitudes(truth: _Truth) -> list[_Parts]:
         "qx, qy, qz, qw hold w, x, y, z": _attitude(lambda q: q[:, [1, 2, 3, 0]]),
     }
     senses = {"the rotation is from world to frame (conjugate, transposed)": _attitude(conjugate)}
-    frames = {
-        "the attitude describes the shell instead of the frame": _right(_in_shell(truth, 1)),
-    }
+    frames = {"the attitude describes the shell instead of the frame": _right(_in_shell(truth, 1))}
     for S in _rotations():
         frames[_renamed("frame's", _axes_of(S))] = _right(from_matrix(S))
     return [orders, senses, frames]
@@ -388,11 +381,9 @@ def _mistaken_scenes(scene: Scene) -> Iterator[_MistakenScene]:
 
 
 def _has_rate(scene: Scene, hinge: int) -> bool:
-    motor = scene.hinges[hinge].motor
-    at = np.linspace(0, scene.duration, 50)
-    return (motor is None or isinstance(motor, Servo)) and bool(
-        np.any(scene.hinges[hinge].command.rate(at))
-    )
+    motor, command = scene.hinges[hinge].motor, scene.hinges[hinge].command
+    moves = bool(np.any(command.rate(np.linspace(0, scene.duration, 50))))
+    return moves and (motor is None or isinstance(motor, Servo))
 
 
 def _with_rates(scene: Scene, hinges: list[int], factor: float) -> tuple[Scene, ...]:
@@ -479,9 +470,8 @@ def _least(error: Callable[[float], float], tried: Array, xatol: float) -> float
     """Minimize an error near the best of equally spaced values (n,)."""
     best, step = float(min(tried, key=error)), float(tried[1] - tried[0])
     bounds = best - step, best + step
-    return float(
-        minimize_scalar(error, bounds=bounds, method="bounded", options={"xatol": xatol}).x
-    )
+    found = minimize_scalar(error, bounds=bounds, method="bounded", options={"xatol": xatol})
+    return float(found.x)
 
 
 def _error_at(file: Trajectory, reference: Motion) -> Callable[[Array], float]:
@@ -586,11 +576,10 @@ class Search:
     def __init__(self, trajectory: Trajectory, theory: Motion) -> None:
         """Search a trajectory; the theory is its reference."""
         self.trajectory, self.theory = trajectory, theory
-        self.at = _some_of(len(trajectory.times))
-        rows, truth = (
-            rows_of(trajectory, self.at),
-            _truth_of(theory, trajectory.times, self.at.step),
-        )
+        # At most 2 * _SAMPLES rows at equal distances, including the first.
+        self.at = slice(None, None, max(1, len(trajectory.times) // _SAMPLES))
+        rows = rows_of(trajectory, self.at)
+        truth = _truth_of(theory, trajectory.times, self.at.step)
         # The file as written, then with each accepted mistake undone as well.
         self._accepted = [_Candidate("", "", 0, rows, truth, theory.scene)]
         self.plain = _largest(self._accepted[0].errors)
@@ -658,10 +647,8 @@ class Search:
         if self.theory.scene is not last.scene or self.theory.times[-1] != times[-1]:
             self.theory = reference_of(last.scene, times)
         truth = _truth_of(self.theory, times)
-        undo = {
-            convention.name: convention.undo for convention in _conventions(truth, self._has_height)
-        }
-        undo[_NOT_THE_RATE] = _with_own_rate
+        known = _conventions(truth, self._has_height)
+        undo = {_NOT_THE_RATE: _with_own_rate} | {c.name: c.undo for c in known}
         for candidate in accepted:
             if candidate.name in undo:
                 file = undo[candidate.name](file)
@@ -737,10 +724,8 @@ def _is_closer(recomputed: _Candidate, best: _Candidate) -> bool:
 
 
 def _is_clear(candidate: _Candidate) -> bool:
-    typically, at_most = _CLEAR
-    return bool(
-        np.all(candidate.typical[:2] < typically) and np.max(candidate.errors[:2]) < at_most
-    )
+    typical, largest = candidate.typical[:2], np.max(candidate.errors[:2])
+    return bool(np.all(typical < _CLEAR[0]) and largest < _CLEAR[1])
 
 
 def _best(

@@ -109,9 +109,8 @@ class Fault:
     @property
     def text(self) -> str:
         """The sentence, without the time."""
-        return self.kind.value.format(
-            subject=self.subject, limit=self.limit, percent=100 * self.limit
-        )
+        numbers = {"limit": self.limit, "percent": 100 * self.limit}
+        return self.kind.value.format(subject=self.subject, **numbers)
 
     def __str__(self) -> str:
         when = f"t = {self.time:.6g} s"

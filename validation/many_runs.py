@@ -157,9 +157,8 @@ def compare_many(
 
 def _start_row(agreement: Agreement) -> Row:
     fault = agreement.faults[0].kind.name if agreement.faults else None
-    row = {name: known(getattr(agreement, name)) for name in ERRORS}
     more = {"agrees": agreement.agrees, "fault": fault, "seconds": agreement.report.seconds}
-    return row | more
+    return {name: known(getattr(agreement, name)) for name in ERRORS} | more
 
 
 def _references(scenes: Sequence[Scene], times: Array) -> Iterator[Motion]:

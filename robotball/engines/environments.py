@@ -278,11 +278,6 @@ def _packages(home: Path) -> Path:
     return next(home.glob("lib/python3.*/site-packages"), ours)
 
 
-def _last_line(output: str) -> str:
-    lines = [line for line in output.split("\n") if line.strip()]
-    return lines[-1] if lines else "it ended without a message"
-
-
 def call(python: Path | str, function: Callable[..., _T], *arguments: Any) -> _T:
     """Return the result of a function that is called in a process of another interpreter.
 
@@ -299,7 +294,9 @@ def call(python: Path | str, function: Callable[..., _T], *arguments: Any) -> _T
         command = [python, "-P", "-c", _START, str(ours)]
         done = subprocess.run(command, input=job, stdout=PIPE, stderr=output, pass_fds=[ours])
         output.seek(0)
-        why = _last_line(output.read().decode(errors="replace"))
+        text = output.read().decode(errors="replace")
+        lines = [line for line in text.split("\n") if line.strip()]
+        why = lines[-1] if lines else "it ended without a message"
         if why.startswith(("ModuleNotFoundError", "ImportError")):
             why += f"; {_again(Path(python))}"
     if done.returncode or not done.stdout:

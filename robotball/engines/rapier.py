@@ -10,13 +10,7 @@ from typing import Any
 import numpy as np
 
 from robotball.engines import adapter
-from robotball.engines.states import (
-    State,
-    force_on_ball,
-    link_motions,
-    links_of,
-    principal_inertia,
-)
+from robotball.engines.states import State, force_on_ball, link_motions, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix

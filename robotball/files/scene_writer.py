@@ -55,8 +55,7 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
         gravity_direction=scene.gravity_direction,
         friction=tables.FrictionTable(**asdict(scene.friction)),
         plane=tables.PlaneTable(
-            motion=tuple(map(_command, scene.plane_motion)),
-            rotation=_command(scene.plane_rotation),
+            motion=tuple(map(_command, scene.plane_motion)), rotation=_command(scene.plane_rotation)
         ),
         shell=_shell(ball.shell),
         frame=tables.FrameTable(**_hinge(ball.hinges[0])),

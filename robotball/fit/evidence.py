@@ -240,10 +240,7 @@ def at_limits(residuals: Residuals, x: Array) -> Iterator[str]:
 
 
 def influences(
-    residuals: Residuals,
-    x: Array,
-    J: Array,
-    estimates: Sequence[Estimate],
+    residuals: Residuals, x: Array, J: Array, estimates: Sequence[Estimate]
 ) -> Iterator[str]:
     """Yield a line for each circumstance that was not freed and may have biased an estimate.
 
@@ -333,9 +330,7 @@ def reason(residuals: Residuals, x: Array, J: Array, stray: SensorFit) -> str:
     )
 
 
-def _candidates(
-    residuals: Residuals,
-) -> Iterator[tuple[str, list[Unknown], Change | None, float]]:
+def _candidates(residuals: Residuals) -> Iterator[tuple[str, list[Unknown], Change | None, float]]:
     """Yield (title, unknowns, change of the scene, largest amount) of each possible reason."""
     for (log, name), group in groupby(_not_freed(residuals), lambda pair: (pair[2].of, pair[0])):
         _, (plausible, *_), others = zip(*group, strict=True)

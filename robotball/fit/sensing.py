@@ -293,7 +293,6 @@ def contradictions(sensors: Mapping[str, Sensor]) -> Iterator[tuple[str, str, st
         ]
         if options[0][0] > most:
             least, order, signs = min(options, key=lambda option: option[0])
-            named = ", ".join(
-                "-"[: sign < 0] + "xyz"[i] for i, sign in zip(order, signs, strict=True)
-            )
+            signed = zip(order, signs, strict=True)
+            named = ", ".join("-"[: sign < 0] + "xyz"[i] for i, sign in signed)
             yield name, other, named if least < most else ""

@@ -409,9 +409,8 @@ class Scene(Value):
         check_positive("duration", self.duration, "s")
         check_positive("gravity", self.gravity, "m/s²")
         _ = self.hinges  # converts and checks the commands
-        down = unit(
-            "gravity_direction", as_floats("gravity_direction", self.gravity_direction, (3,))
-        )
+        name = "gravity_direction"
+        down = unit(name, as_floats(name, self.gravity_direction, (3,)))
         if not down[2] < 0:
             line = f"its Z must be negative, not {down[2]:.6g}"
             raise InputError(f"gravity_direction must press the ball on the plane: {line}")

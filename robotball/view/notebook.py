@@ -47,9 +47,8 @@ def scene_cell(scene: Scene) -> str:
         times = sample_times(min(scene.duration, _SHOWN))
         motion = integrate(scene, times, max_steps=_STEPS)
     except InputError as error:
-        return (
-            f"<div><code>{escape(repr(scene))}</code>{above}<div>{escape(str(error))}</div></div>"
-        )
+        below = f"<div>{escape(str(error))}</div>"
+        return f"<div><code>{escape(repr(scene))}</code>{above}{below}</div>"
     return cell(repr(scene), [motion], f"{above}<div>Path computed with the equations:</div>")
 
 

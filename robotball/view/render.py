@@ -152,9 +152,8 @@ class _Sheet:
             _write(image, moved, self._bold, np.array([x, y, x + width, y + height]))
         pen, line, (left, high, right, low) = ImageDraw.Draw(image), self.line, self._curves
         at = left + (right - left) * min(t / self._end, 1.0)
-        pen.line(
-            (at, high - 0.3 * line, at, low + 0.3 * line), palette.INK, max(2, round(line / 10))
-        )
+        ends = at, high - 0.3 * line, at, low + 0.3 * line
+        pen.line(ends, palette.INK, max(2, round(line / 10)))
         below = (left + right) / 2, low + 0.85 * line
         pen.text(below, f"t = {t:.2f} s", palette.INK, self._bold, "mm")
         return np.asarray(image)

@@ -435,9 +435,8 @@ def _ranges_of_many_turns(model: Any) -> Iterator[str]:
     for i in np.flatnonzero(limited).tolist():
         low, high = model.jnt_range[i]
         if (turns := (high - low) / (2 * np.pi)) > _TURNS:
-            words = (
-                f"{model.joint(i).name} has the range {low:g} to {high:g} rad, {turns:.3g} turns"
-            )
+            name = model.joint(i).name
+            words = f"{name} has the range {low:g} to {high:g} rad, {turns:.3g} turns"
             yield f'{words}; if these are degrees, the compiler needs angle="degree"'
 
 

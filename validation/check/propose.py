@@ -313,10 +313,8 @@ def slip_causes(seen: Observation) -> Iterator[tuple[str, str]]:
         speeds = [f"its contact point starts at {slides:.3g} m/s"] * (slides > _SLIP * fast)
         speeds += [f"it starts with a spin of {spin:.3g} rad/s"] * bool(spin)
         if speeds and _rolls_in_world_axes(seen.user):
-            speeds[-1] += (
-                "; it rolls with its angular velocity in world axes, but qvel has body axes"
-            )
-            yield "axes", " and ".join(speeds)
+            read = "it rolls with its angular velocity in world axes, but qvel has body axes"
+            yield "axes", f"{' and '.join(speeds)}; {read}"
         elif speeds:
             yield "start", " and ".join(speeds)
 

@@ -160,18 +160,16 @@ def demo(*, out: options.Out = options.OUT) -> int:
     console = Console(soft_wrap=True)
     # naive fails on purpose; its predicted faults are printed below the table.
     with warnings.catch_warnings(record=True) as said:
-        agreements = options.Run(tuple(PRESETS), out=out).agreements(
-            [*map(load_scene, _DEMO_SCENES)]
-        )
+        scenes = [*map(load_scene, _DEMO_SCENES)]
+        agreements = options.Run(tuple(PRESETS), out=out).agreements(scenes)
         records = [*map(results.record, agreements)]
     shown = [agreement for agreement in agreements if agreement.settings.name in _SHOWN]
     results.show(records, console)
-    predicted = "\n  ".join(
-        ["Predicted before the runs:", *(str(warning.message) for warning in said)]
-    )
+    warned = (str(warning.message) for warning in said)
+    predicted = "\n  ".join(["Predicted before the runs:", *warned])
     console.print(predicted, markup=False, highlight=False)
-    scenes, presets = " ".join(_DEMO_SCENES), ",".join(_SHOWN)
-    command = f"{program()} report {scenes} --preset {presets} --film"
+    names, presets = " ".join(_DEMO_SCENES), ",".join(_SHOWN)
+    command = f"{program()} report {names} --preset {presets} --film"
     page, filmed = out / "demo.html", shown[: len(_SHOWN)]
     write_text(page, report(shown, command))
     path = out / f"{results.file_stem(filmed)}.mp4"

@@ -152,13 +152,7 @@ def _draw_chart(scene: Scene, axes: _Axes, largest: Array, least: float) -> Figu
 
 
 def chart_study(
-    name: str,
-    over: str,
-    sweep: Sweep,
-    points: int,
-    refine: int,
-    duration: float,
-    transient: float,
+    name: str, over: str, sweep: Sweep, points: int, refine: int, duration: float, transient: float
 ) -> Study:
     """Measure and draw a chart."""
     scene, less = moving_scene(name, "a chart"), _QUICK if sweep.quick else 1

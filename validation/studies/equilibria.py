@@ -85,12 +85,7 @@ def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) 
 
 
 def _cycle_cells(cycle: Cycle) -> _Cells:
-    return (
-        "cycle",
-        _join(cycle.gamma),
-        _join(cycle.multipliers),
-        f"period {cycle.period:.7f} s",
-    )
+    return ("cycle", _join(cycle.gamma), _join(cycle.multipliers), f"period {cycle.period:.7f} s")
 
 
 def _straight_cells(line: StraightMotion, name: str) -> _Cells:

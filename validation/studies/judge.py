@@ -35,14 +35,7 @@ from robotball.motion import attitude_error, gamma_error, momentum_error, path_e
 from robotball.rotations import Array
 
 from ..options import AGREES, DISAGREES, TOLERANCE
-from ..output import (
-    known,
-    plain_table,
-    print_whole,
-    progress_bar,
-    scientific,
-    write_record,
-)
+from ..output import known, plain_table, print_whole, progress_bar, scientific, write_record
 from .left_out import PHYSICS, left_out
 from .mistakes import Errors, Mistake, Search, reference_of, rows_of
 

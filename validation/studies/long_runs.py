@@ -76,12 +76,7 @@ class Growth:
 
 
 def _growth(
-    flow: Flow,
-    skipped: int,
-    count: int,
-    k: int,
-    scale: float | None,
-    starts: tuple[Array, Array],
+    flow: Flow, skipped: int, count: int, k: int, scale: float | None, starts: tuple[Array, Array]
 ) -> tuple[Array, ...]:
     """Return the fields of `Growth` with all stretches along the first axis."""
     attitudes, momenta = starts

@@ -195,10 +195,8 @@ def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float 
 
 def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Array, Array]:
     """Return steps, the longest first, and errors, of complete runs with a nonzero error."""
-    pairs = sorted(
-        ((h, e) for h, e in zip(steps, errors, strict=True) if e and np.isfinite(e)), reverse=True
-    )
-    h, e = np.array(pairs).reshape(-1, 2).T
+    pairs = ((h, e) for h, e in zip(steps, errors, strict=True) if e and np.isfinite(e))
+    h, e = np.array(sorted(pairs, reverse=True)).reshape(-1, 2).T
     return h, e
 
 

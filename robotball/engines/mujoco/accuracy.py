@@ -15,14 +15,7 @@ from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.order8 import RULE
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import (
-    ORDER_8,
-    PRESETS,
-    Resolved,
-    Settings,
-    for_slip,
-    recipe,
-)
+from robotball.engines.mujoco.settings import ORDER_8, PRESETS, Resolved, Settings, for_slip, recipe
 from robotball.engines.mujoco.special_limits import COST_MODEL
 from robotball.engines.observe import spans, step_count
 from robotball.errors import warn

@@ -52,9 +52,8 @@ class System:
         self.readings_size = PER_HINGE + 2 * self.count + motors.shape[1]
         self.limits = motors[0, :, LIMIT]
         self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
-        self.ranges = [
-            (HINGES + i, link.range) for i, link in enumerate(first.ball.tree[1:]) if link.range
-        ]
+        links = enumerate(first.ball.tree[1:], start=HINGES)
+        self.ranges = [(i, link.range) for i, link in links if link.range]
         self.modes = Modes(np.zeros(motors.shape[1], dtype=np.int64))
         self.resistance = float(first.friction.rolling)  # m
         self.machine = Machine(

@@ -34,7 +34,6 @@ _LOOSEST = 1e-2  # upper limit of a tolerance for longer runs
 _PIECE = 65_536  # samples
 
 _Preset = TypeVar("_Preset", bound="EngineSettings")
-_Extended = TypeVar("_Extended", bound="Motion")
 _Record = TypeVar("_Record")
 _ArrayPath = tuple[str, ...]  # names of nested fields, such as ("loads", "motor_torques")
 
@@ -457,9 +456,10 @@ class ContactMotion(Motion):
     report: ContactReport
 
 
-def extended(motion: Motion, kind: type[_Extended], **more: Any) -> _Extended:
-    """Return the motion as class `kind`, with additional or replaced fields."""
-    return kind(**{field.name: getattr(motion, field.name) for field in fields(Motion)} | more)
+def extended(record: Any, kind: Any, **more: Any) -> Any:
+    """Return a record of class `kind` with the fields that both have, and with more fields."""
+    names = {field.name for field in fields(record)} & {field.name for field in fields(kind)}
+    return kind(**{name: getattr(record, name) for name in names} | more)
 
 
 def arrays_of(record: Any, path: _ArrayPath = ()) -> Iterator[tuple[_ArrayPath, NDArray[Any]]]:

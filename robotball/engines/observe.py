@@ -21,6 +21,7 @@ from robotball.motion import (
     Joined,
     Label,
     arrays_of,
+    extended,
     measured_time,
     path_unit,
     slip_with_spin,
@@ -317,32 +318,19 @@ class Recording:
         """
         read, faults = self._samples.whole, self.faults.values()
         seconds = measured_time(seconds)
-        return ContactMotion(
-            scene=self.scene,
-            engine=self.engine,
-            # An engine's clock sums up its steps; record the sample times as requested.
-            times=self.times[: len(read.time)],
-            contact_point=read.centre[:, :2],
-            attitude=read.attitude,
-            momentum=read.momentum,
-            angular_velocity=read.angular_velocity,
-            hinge_angles=read.hinge_angles,
-            hinge_rates=read.hinge_rates,
-            loads=read.loads,
-            report=ContactReport(
-                settings=self.settings,
-                slip=read.slip,
-                spin=read.spin,
-                depth=self.scene.ball.radius - read.centre[:, 2],
-                friction_used=read.friction_used,
-                hinge_rate_error=_rate_errors_of(self.scene, read).max(axis=1, initial=0.0),
-                faults=tuple(fault for fault in faults if not fault.note),
-                timestep=timestep,
-                steps=steps,
-                seconds=seconds,
-                total_seconds=seconds,
-                # Events such as a motor at the limit that the scene sets.
-                notes=tuple(fault for fault in faults if fault.note),
-                **others,
-            ),
+        cost = {"timestep": timestep, "steps": steps, "seconds": seconds, "total_seconds": seconds}
+        report = extended(
+            read,
+            ContactReport,
+            settings=self.settings,
+            depth=self.scene.ball.radius - read.centre[:, 2],
+            hinge_rate_error=_rate_errors_of(self.scene, read).max(axis=1, initial=0.0),
+            faults=tuple(fault for fault in faults if not fault.note),
+            # Events such as a motor at the limit that the scene sets.
+            notes=tuple(fault for fault in faults if fault.note),
+            **cost | others,
         )
+        # An engine's clock sums up its steps; record the sample times as requested.
+        times, point = self.times[: len(read.time)], read.centre[:, :2]
+        whose = {"scene": self.scene, "engine": self.engine, "report": report}
+        return extended(read, ContactMotion, times=times, contact_point=point, **whose)

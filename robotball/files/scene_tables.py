@@ -25,6 +25,7 @@ _Quadruple = tuple[float, float, float, float]
 _Positive = Annotated[float, msgspec.Meta(gt=0)]
 _NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 _ORIGIN: _Triple = (0.0, 0.0, 0.0)
+SAME = ("title", "source", "rolling", "duration", "gravity")  # the same in a scene and its file
 _UPRIGHT: _Quadruple = (1.0, 0.0, 0.0, 0.0)
 # kg/m³ of solid material, typical values of data sheets; grades differ by a few percent.
 DENSITIES = {

@@ -47,12 +47,7 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
     kinds = (Rotor, Pendulum)
     hung = {kind: [h for h in ball.hinges if isinstance(h.body, kind)] for kind in kinds}
     return tables.SceneTable(
-        title=scene.title,
-        source=scene.source,
-        rolling=scene.rolling,
-        duration=scene.duration,
-        gravity=scene.gravity,
-        gravity_direction=scene.gravity_direction,
+        **{name: getattr(scene, name) for name in (*tables.SAME, "gravity_direction")},
         friction=tables.FrictionTable(**asdict(scene.friction)),
         plane=tables.PlaneTable(
             motion=tuple(map(_command, scene.plane_motion)), rotation=_command(scene.plane_rotation)

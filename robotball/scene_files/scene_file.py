@@ -211,13 +211,9 @@ def _scene(path: Path, keys: Mapping[str, Any]) -> Scene:
         rotation = rate_of(table.plane.rotation, path.parent)
     scene = Scene(
         name=path.stem.encode(errors="replace").decode(),  # undecodable bytes become ?
-        title=table.title,
-        source=table.source,
         ball=ball,
-        rolling=table.rolling,
         start=_start(table.start, ball),
-        duration=table.duration,
-        gravity=table.gravity,
+        **{name: getattr(table, name) for name in tables.SAME},
         gravity_direction=tuple(down.tolist()),
         friction=Friction(*msgspec.structs.astuple(table.friction)),
         plane_motion=(X, Y, Z),

@@ -53,12 +53,8 @@ def _check_file(_: type, path: Path | None) -> None:
 
 
 def _file(help: str) -> Parameter:
-    return Parameter(
-        help=f"{help}; - means standard output.",
-        metavar="FILE",
-        allow_leading_hyphen=True,
-        validator=_check_file,
-    )
+    help += "; - means standard output."
+    return Parameter(help=help, metavar="FILE", allow_leading_hyphen=True, validator=_check_file)
 
 
 _COUNT = Parameter(converter=_whole, metavar="N")

@@ -235,12 +235,8 @@ def design(
         shares = share(request, WIDER * needed) or share(request, math.inf)
     if shares is None:
         raise _refusal(request, limits, radius)
-    return Design(
-        ball=_ball(shares, B, Omega, K, radius, limits),
-        limits=limits,
-        masses=masses_allowed(B, radius),
-        needed_radius=radius * needed,
-    )
+    ball, masses = _ball(shares, B, Omega, K, radius, limits), masses_allowed(B, radius)
+    return Design(ball=ball, limits=limits, masses=masses, needed_radius=radius * needed)
 
 
 def describe(design: Design) -> str:

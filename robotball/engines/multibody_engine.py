@@ -48,15 +48,12 @@ class _Multibody(Engine):
         began = time.process_time()
         motion = integrate(scene, times, settings.rtol)
         seconds, none = measured_time(time.process_time() - began), np.zeros(len(motion.times))
-        return extended(
-            motion,
-            ContactMotion,
-            report=ContactReport(
-                settings=settings, slip=none, spin=none, depth=none, friction_used=none * np.nan,
-                hinge_rate_error=none, faults=(), timestep=float(times[-1]), steps=0,
-                seconds=seconds, total_seconds=seconds,
-            ),
+        report = ContactReport(
+            settings=settings, slip=none, spin=none, depth=none, friction_used=none * np.nan,
+            hinge_rate_error=none, faults=(), timestep=float(times[-1]), steps=0,
+            seconds=seconds, total_seconds=seconds,
         )  # fmt: skip
+        return extended(motion, ContactMotion, report=report)
 
 
 MULTIBODY = _Multibody()

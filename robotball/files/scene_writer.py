@@ -17,7 +17,7 @@ from robotball.files import scene_tables as tables
 from robotball.files.scene_tables import DRIVES, HingeTable
 from robotball.robot.ball import Hinge, Pendulum, Rotor, Shell, shell_inertia
 from robotball.robot.drives import Ramp, Rate, Samples, Sine, Sum
-from robotball.robot.scene import Scene
+from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array
 
 _REST_COMMENT = "M = 0; ω is not, where frame or rotors turn"
@@ -56,13 +56,15 @@ def _scene_table(scene: Scene) -> tables.SceneTable:
         frame=tables.FrameTable(**_hinge(ball.hinges[0])),
         rotor=tuple(tables.RotorTable(**_hinge(hinge)) for hinge in hung[Rotor]),
         pendulum=tuple(tables.PendulumTable(**_hinge(hinge)) for hinge in hung[Pendulum]),
-        start=tables.StartTable(
-            attitude=_numbers(scene.start.attitude),
-            momentum_world=_numbers(scene.start.momentum),
-            slip=_numbers(scene.start.slip[:2]),
-            spin=float(scene.start.slip[2]),
-        ),
+        start=tables.StartTable(**start_keys(scene.start)),
     )
+
+
+def start_keys(start: Start) -> dict[str, Any]:
+    """Return the keys of a scene file's start."""
+    *slip, spin = start.slip.tolist()
+    vectors = {"attitude": start.attitude, "momentum_world": start.momentum}
+    return {name: _numbers(v) for name, v in vectors.items()} | {"slip": tuple(slip), "spin": spin}
 
 
 def _shell(shell: Shell) -> tables.ShellTable:

@@ -18,7 +18,7 @@ from robotball.engines.equations import scene_of
 from robotball.errors import unknown
 from robotball.files import MODEL_FILES, contents, readable
 from robotball.files.scene_tables import Number, Numbers, SceneTable
-from robotball.files.scene_writer import text_of, toml_of
+from robotball.files.scene_writer import start_keys, text_of, toml_of
 from robotball.robot.scene import Scene
 from robotball.scene_files.scene_file import CATALOG, catalog, read_keys
 from robotball.scene_files.scene_keys import unit_at
@@ -51,12 +51,7 @@ class _SceneNumbers(Numbers):
     def text(self, values: Mapping[str, float], start: Scene) -> str:
         """Return the scene file's text with some numbers replaced and the start of `start`."""
         tables = self._changed(values)
-        tables["start"] = {
-            "attitude": start.start.attitude.tolist(),
-            "momentum_world": start.start.momentum.tolist(),
-            "slip": start.start.slip[:2].tolist(),
-            "spin": float(start.start.slip[2]),
-        }
+        tables["start"] = start_keys(start.start)
         for hinge in start.hinges:
             table = _body_table(tables, hinge.name)
             table["initial_angle"] = hinge.angle

@@ -24,14 +24,9 @@ def with_bodies(ball: Ball, change: Callable[[Any], Any]) -> Ball:
 
 def scaled_body(body: _OneBody, mass: float, length: float = 1.0) -> _OneBody:
     """Return a body with its mass and its lengths multiplied by two factors."""
-    factors = {
-        "mass": mass,
-        "axial_inertia": mass * length**2,
-        "transverse_inertia": mass * length**2,
-        "inertia": mass * length**2,
-        "radius": length,
-        "centre": length,
-    }
+    factors = {"mass": mass, "radius": length, "centre": length}
+    moments = ("axial_inertia", "transverse_inertia", "inertia")
+    factors |= dict.fromkeys(moments, mass * length**2)
     names = {field.name for field in fields(body)} & factors.keys()
     return replace(body, **{name: getattr(body, name) * factors[name] for name in names})
 

@@ -62,12 +62,8 @@ def integrate(
             return compiled_states(whole, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
         return _solve(whole, times, coarser * rtol, limit, progress)
 
-    return extended(
-        motion_of(whole, times, states(1.0, progress)),
-        ReferenceMotion,
-        scene=scene,
-        again=lambda: states(_COARSER)[:, 4:],
-    )
+    more = {"scene": scene, "again": lambda: states(_COARSER)[:, 4:]}
+    return extended(motion_of(whole, times, states(1.0, progress)), ReferenceMotion, **more)
 
 
 def motion_of(scene: Scene, times: Array, states: Array) -> Motion:
@@ -95,12 +91,8 @@ def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Arr
     """Return ω (n, 3) at n times, all in principal axes."""
     if scene.steady:
         return np.stack(scene.parameters.angular_velocity(tuple(M.T), tuple(gamma.T)), axis=1)
-    return np.array(
-        [
-            scene.parameters_at(t).angular_velocity(as_vector(M_now), as_vector(gamma_now))
-            for t, M_now, gamma_now in zip(times.tolist(), M, gamma, strict=True)
-        ]
-    )
+    rows = zip(map(scene.parameters_at, times.tolist()), M, gamma, strict=True)
+    return np.array([at.angular_velocity(as_vector(m), as_vector(v)) for at, m, v in rows])
 
 
 def _right_hand_side(scene: Scene) -> Rate:

@@ -77,13 +77,8 @@ def _candidates() -> tuple[str, ...]:
 
 def _works(backend: str) -> bool:
     try:
-        child = subprocess.run(
-            [sys.executable, "-P", "-c", _PROBE],
-            env={**os.environ, "MUJOCO_GL": backend},
-            capture_output=True,
-            timeout=_PATIENCE,
-            check=False,
-        )
+        command, env = [sys.executable, "-P", "-c", _PROBE], {**os.environ, "MUJOCO_GL": backend}
+        child = subprocess.run(command, env=env, capture_output=True, timeout=_PATIENCE)
     except subprocess.TimeoutExpired:
         return False
     return child.returncode == 0

@@ -323,14 +323,9 @@ class _Findings(Watch):
             return value if abs(value) > _ZERO * abs(family.high - family.low) else 0.0
 
         ends = [
-            {
-                "branch": n,
-                "points": len(branch.points),
-                "end": reason,
-                "at": place(branch.points[i]),
-            }
+            {"branch": n, "points": len(branch.points), "end": reason, "at": place(end)}
             for n, branch in enumerate(branches, 1)
-            for reason, i in zip(branch.ends, (0, -1), strict=True)
+            for reason, end in zip(branch.ends, (branch.points[0], branch.points[-1]), strict=True)
         ]
         reasons = (
             Column("branch", "branch", form="d"),

@@ -65,12 +65,8 @@ def _point_cells(point: _Point, a: float) -> _Cells:
     else:
         straight = path.radius > _NEARLY_STRAIGHT * a
         words = "straight line" if straight else f"circle of {path.radius:.4g} m"
-    return (
-        name or "fixed",
-        _join(fixed.gamma),
-        _join(fixed.eigenvalues),
-        f"{fixed.kind},\n{words}",
-    )
+    kind = f"{fixed.kind},\n{words}"
+    return name or "fixed", _join(fixed.gamma), _join(fixed.eigenvalues), kind
 
 
 def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) -> _Cells:

@@ -91,13 +91,9 @@ def _numbers(estimates: Sequence[Estimate]) -> Iterator[list[str]]:
         size = known(estimate.deviation)
         digits = 6 if not size else max(0, int(2 - np.floor(np.log10(size))))
         value = f"{estimate.value:.{digits}f}" if digits < 12 else f"{estimate.value:.6g}"
-        yield [
-            estimate.name,
-            value if estimate.determined else "not determined",
-            f"{estimate.deviation:.2g}" if estimate.determined else "-",
-            f"{estimate.began:.6g}",
-            estimate.unit,
-        ]
+        found = [value, f"{estimate.deviation:.2g}"]
+        found = found if estimate.determined else ["not determined", "-"]
+        yield [estimate.name, *found, f"{estimate.began:.6g}", estimate.unit]
 
 
 _HEADINGS = ("number", "value", "±", "started at", "unit")
@@ -106,14 +102,9 @@ _SENSORS = ("log", "sensor", "readings", "noise", "residual", "probability")
 
 def _sensor_rows(fitted: Fitted) -> Iterator[list[str]]:
     for sensor in (*fitted.sensors, *fitted.held_out):
-        yield [
-            sensor.log + " (held out)" * (sensor in fitted.held_out),
-            sensor.name,
-            str(len(sensor.times)),
-            scientific(sensor.noise),
-            scientific(sensor.residual),
-            f"{sensor.probability:.2g}",
-        ]
+        log = sensor.log + " (held out)" * (sensor in fitted.held_out)
+        errors = map(scientific, (sensor.noise, sensor.residual))
+        yield [log, sensor.name, str(len(sensor.times)), *errors, f"{sensor.probability:.2g}"]
 
 
 def _fit_page(scene: str, fitted: Fitted) -> str:

@@ -140,16 +140,9 @@ def exponents_study(name: str, starts: int, duration: float, transient: float, s
         ("sum [1/s]", float(found.divergence.mean()), None),
         ("dimension of the section", found.dimension, found.dimension_error),
     ]
-    record: dict[str, Any] = {
-        "scene": scene.name,
-        "starts": starts,
-        "seed": seed,
-        "duration": duration,
-        "largest": found.largest.tolist(),
-        "smallest": found.smallest.tolist(),
-        "dimension": found.dimension,
-    }
-    return _study(rows, record)
+    record = {"scene": scene.name, "starts": starts, "seed": seed, "duration": duration}
+    record |= {"largest": found.largest.tolist(), "smallest": found.smallest.tolist()}
+    return _study(rows, record | {"dimension": found.dimension})
 
 
 def _of_map(scene: Scene, count: int, seed: int, duration: float, transient: float) -> Study:
@@ -202,11 +195,7 @@ def basins_study(name: str, starts: int, transient: float, seed: int) -> Study:
         Column("attractor", "name", words=True),
         Column("share of the starts", "share", form=".3f"),
     )
-    record = {
-        "scene": scene.name,
-        "seed": seed,
-        "transient": transient,
-        "attitudes": attitudes.tolist(),
-        "reached": [names[label] for label in found.labels.tolist()],
-    }
+    reached = [names[label] for label in found.labels.tolist()]
+    record = {"scene": scene.name, "seed": seed, "transient": transient}
+    record |= {"attitudes": attitudes.tolist(), "reached": reached}
     return Study(scene.name, None, ["basins"], rows, record, [table_of(columns, rows)])

@@ -299,12 +299,8 @@ def _in_steps(scene: Scene, settings: Settings, timestep: float, softer: float) 
     constant, ratio = settings.solref or (0.0, 0.0)
     longer = max(constant, 2 * timestep) if constant > 0 else constant
     deeper = (longer / constant) ** 2 if constant > 0 else 1.0
-    return replace(
-        unlimited,
-        timestep=timestep,
-        softness=settings.softness * softer / deeper,
-        solref=settings.solref and (longer, ratio),
-    )
+    softness, solref = settings.softness * softer / deeper, settings.solref and (longer, ratio)
+    return replace(unlimited, timestep=timestep, softness=softness, solref=solref)
 
 
 def scene_rate(scene: Scene) -> float:

@@ -236,11 +236,8 @@ def orbits(
     states, status = starts.march(PATH, np.zeros((len(starts.turns), 2)), times[1:], tolerance)
     first = np.concatenate([starts.attitudes, np.zeros((len(states), 2))], axis=1)
     states = np.concatenate([first[:, None], states], axis=1)
-    return _Orbits(
-        attitudes=starts.to_world(states[..., :4]),
-        contact_points=starts.turned_back(states[..., 4:]),
-        status=status,
-    )
+    points = starts.turned_back(states[..., 4:])
+    return _Orbits(starts.to_world(states[..., :4]), points, status)
 
 
 def orbit(

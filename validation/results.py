@@ -50,6 +50,7 @@ from .output import (
     write_text,
 )
 from .sensitivity import Sensitivity
+from .slip import Slip
 
 ALL = "all"  # name for all presets of an engine
 _TABLE_COLUMNS = (
@@ -233,7 +234,7 @@ def record(agreement: Agreement) -> Record:
         "momentum_drift": known(agreement.momentum_error),  # its name in version 0.1
         "friction_used": known(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
-        "slip": None if slip is None else {**asdict(replace(slip, other=None)), "text": str(slip)},
+        "slip": None if slip is None else _plain_slip(slip),
         "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
         "agrees": agreement.agrees,
@@ -251,6 +252,12 @@ def record(agreement: Agreement) -> Record:
         "versions": {**report.versions, engine.name: engine.version},
         "reference_versions": versions(),
     }
+
+
+def _plain_slip(slip: Slip) -> dict[str, Any]:
+    """Return a slip as plain data, without the other motion."""
+    names = [field.name for field in fields(slip) if field.name != "other"]
+    return {**{name: getattr(slip, name) for name in names}, "text": str(slip)}
 
 
 def _plain(sensitivity: Sensitivity) -> dict[str, Any]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # Colour, dash and marker of each preset. Default settings have the engine's colour and marker.
 _SPARE = (("#882255", (6, 2), "d"), ("#332288", (2, 2), "^"), ("#999933", (7, 2, 2, 2), ">"))
 PRESET_LOOKS: Mapping[str, tuple[str, Sequence[float], str]] = {
-    "fast": ("#B08900", (7, 2, 2, 2), "D"),
+    **dict.fromkeys(("fast", "slip"), ("#B08900", (7, 2, 2, 2), "D")),
     "balanced": ("#009E73", (6, 2), "s"),
     "accurate": ("#CC79A7", (2, 2), "^"),
     "efficient": ("#661100", (4, 2), "*"),

@@ -11,7 +11,6 @@ from robotball.engines.mujoco.limits import PlannedRun
 from robotball.engines.mujoco.run import exceeded
 from robotball.engines.mujoco.settings import Resolved
 from robotball.engines.mujoco.special_limits import late_friction
-from robotball.motion import attitude_error, path_error
 from robotball.robot.motors import Servo
 from robotball.robot.scene import Friction
 from robotball.view.render import Film, _notes
@@ -90,20 +89,26 @@ def test_servos_drive_a_ball_that_slips() -> None:
     assert in_steps(driven, 1e-3, 3.0)[0] < 1e-5
 
 
-def test_friction_that_suffices_leaves_the_presets_as_they_are() -> None:
-    """classical_regular needs 0.991. Measured 1.4e-15, from noslip's use of the coefficient."""
-    ample, unlimited = regular(1.1), rb.load_scene("classical_regular")
-    motions = [rb.simulate(scene, 1.0, settings="fast") for scene in (ample, unlimited)]
-    assert not Resolved(ample, rb.preset("fast")).settings.slips
-    assert path_error(*motions) < 1e-14
-    assert attitude_error(*motions) < 1e-14
+@pytest.mark.parametrize("preset", ["balanced", "efficient"])
+@pytest.mark.parametrize("name", ["classical_regular", "steered_pendulum_robot"])
+def test_a_friction_that_suffices_changes_nothing_of_the_run(name: str, preset: str) -> None:
+    """With a cone as small as the scene's, Newton's method and noslip lifted the robot off."""
+    scene = rb.load_scene(name)
+    free = rb.simulate(scene, 4.0, settings=preset)
+    needed = float(free.loads.sliding_friction.max())
+    sticky = replace(scene, friction=rb.Friction(sliding=1.5 * needed))
+    assert Resolved(sticky, rb.preset(preset)).settings.slips is False
+    motion = rb.simulate(sticky, 4.0, settings=preset)
+    assert not motion.report.faults
+    assert np.array_equal(motion.contact_point, free.contact_point)
+    assert motion.report.friction_used.max() == pytest.approx(1 / 1.5, rel=1e-6)
 
 
 def test_a_value_of_the_contact_that_is_given_is_kept_and_warned_of() -> None:
     """The contact for rolling loses the plane after 0.025 s of slip."""
     given = replace(rb.preset("balanced"), impratio=1.0)
     resolved = Resolved(regular(0.3), given).settings
-    assert (resolved.slips, resolved.impratio) == (False, 1.0)
+    assert (resolved.slips, resolved.impratio) == (None, 1.0)
     with pytest.warns(rb.SceneWarning, match=naming("slips friction.sliding 0.3 Coulomb")):
         agreement = compare(regular(0.3), 3.0, settings=given)
     assert [fault.kind for fault in agreement.faults] == [rb.FaultKind.CONTACT_LOST]

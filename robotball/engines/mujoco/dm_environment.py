@@ -13,7 +13,7 @@ from robotball.engines.engine import as_own, request_of
 from robotball.engines.equations import integrate, scene_of
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.settings import Prescribed, Settings
+from robotball.engines.mujoco.settings import Prescribed, Resolved, Settings, for_slip
 from robotball.engines.observe import spans
 from robotball.errors import InputError, check_positive
 from robotball.motion import DIVERGED
@@ -105,6 +105,9 @@ def dm_environment(
     path = as_floats("path", path)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
         raise InputError(f"path must be finite numbers (n, 2), n > 1; its shape is {path.shape}")
+    resolved = Resolved(scene, chosen)
+    if resolved.settings.slips is False:  # an agent may exceed the friction
+        chosen = for_slip(scene, chosen, resolved.timestep)
     model = build(scene, chosen)
     option = model.compiled.opt
     _, (option.timestep,), (count,) = spans(np.array([0, control_timestep]), (), option.timestep)

@@ -147,6 +147,11 @@ def _words(model: Model, needs: str | None) -> list[str]:
             "Slip: solref, solimp, impratio and solreffriction only help together, and with this "
             "timestep. For another timestep, export again."
         )
+    elif settings.slips is False:
+        lines.append(
+            "Friction: larger than the scene's, which this motion does not exceed. For another "
+            "motion, export again."
+        )
     elif settings.solreffriction is not None:
         lines.append(
             "Friction: enough to roll without slip. If you lower it, the ball slips wrongly, by a "

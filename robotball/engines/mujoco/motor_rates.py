@@ -12,7 +12,7 @@ _ANGLES = 8  # angles of the pendulums at which the motors' rates are evaluated,
 
 
 def fastest_rate(
-    scene: Scene, hinges: tuple[ModelHinge, ...], slips: bool, dry: bool = False
+    scene: Scene, hinges: tuple[ModelHinge, ...], slips: bool | None, dry: bool = False
 ) -> float:
     """Return the largest |λ| [1/s] of the hinges' motors about the start, with the ball rolling.
 

@@ -112,10 +112,14 @@ def _force_in_world(contact: Array) -> Array:
 
 
 def _friction_used(model: Model, contact: Array) -> Array:
-    """Return the used part (m,) of the friction cone; a pyramidal cone limits a sum of sizes."""
-    compiled = model.compiled
+    """Return the used part (m,) of the friction cone; a pyramidal cone limits a sum of sizes.
+
+    The coefficients are those of the scene, if it has any, and else of the contact.
+    """
+    compiled, limits = model.compiled, model.scene.friction
     # MuJoCo raises smaller coefficients to mjMINMU.
     slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
+    slide, spin = limits.sliding or slide, limits.torsional or spin
     normal, *tangential = contact[:, 1:4].T
     torques = contact[:, 4:7].T / np.array([[spin], [roll], [roll]])
     demand = np.concatenate([tangential, torques * slide]) / slide

@@ -267,8 +267,9 @@ class Settings(EngineSettings):
         starts just touching the plane.
     softness : float
         A factor of the softness of the contact's constraint. MJCF cannot express it.
-    slips : bool
-        Whether the contact is the recipe for a ball that slips, whose error is of first order.
+    slips : bool or None
+        True: the contact is the recipe for a ball that slips, whose error is of first order. False:
+        the motion does not exceed the scene's friction, so the contact has the recipe's larger one.
     max_steps : int
         The largest number of steps of a run. A longer run is refused.
     drive : Servo or Prescribed
@@ -315,7 +316,7 @@ class Settings(EngineSettings):
     root: Literal["shell", "frame"] = "shell"
     start_in_equilibrium: bool = False
     softness: _Positive = 1.0
-    slips: bool = False
+    slips: bool | None = None
     max_steps: _AtLeastOne = MOST_STEPS
     drive: Servo | Prescribed
 
@@ -535,9 +536,12 @@ def _for_load(settings: Settings, scene: Scene) -> Settings:
     pending = [name for name in CONSTANT if getattr(settings, name) == _BY_LOAD]
     if not pending:
         return settings
-    if all(getattr(settings, n) == getattr(_RECIPE, n) for n in _OF_CONTACT) and slips(scene):
-        step = settings.timestep if settings.own else None
-        return for_slip(scene, settings, step or _SLIP_STEP)
+    if scene.may_slip and all(getattr(settings, n) == getattr(_RECIPE, n) for n in _OF_CONTACT):
+        if slips(scene):
+            step = settings.timestep if settings.own else None
+            return for_slip(scene, settings, step or _SLIP_STEP)
+        # Beside a varying load, Newton's method and noslip can lift a ball in a small cone off.
+        settings = replace(settings, slips=False)
     chosen = CONSTANT
     if scene.load_varies:
         eighth = not settings.own
@@ -609,12 +613,14 @@ class Resolved:
 
     @property
     def friction(self) -> tuple[float, float, float]:
-        """The coefficients of sliding, torsional [m] and rolling [m] friction."""
+        """The contact's coefficients of sliding, torsional [m] and rolling [m] friction."""
         scene, settings = self.scene.friction, self.settings
-        slide = settings.sliding_friction if scene.sliding is None else scene.sliding
-        spin = settings.torsional_friction if scene.torsional is None else scene.torsional
+        slide, spin = settings.sliding_friction, settings.torsional_friction
         if isinstance(spin, Radii):
             spin = spin.radii * self.scene.ball.radius
+        if settings.slips is not False:
+            slide = slide if scene.sliding is None else scene.sliding
+            spin = spin if scene.torsional is None else scene.torsional
         return slide, spin, settings.rolling_friction
 
     def option(self, name: str) -> Any:

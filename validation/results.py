@@ -13,7 +13,7 @@ from functools import partial
 from inspect import signature
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -50,7 +50,9 @@ from .output import (
     write_text,
 )
 from .sensitivity import Sensitivity
-from .slip import Slip
+
+if TYPE_CHECKING:
+    from .slip import Slip
 
 ALL = "all"  # name for all presets of an engine
 _TABLE_COLUMNS = (
@@ -254,7 +256,7 @@ def record(agreement: Agreement) -> Record:
     }
 
 
-def _plain_slip(slip: Slip) -> dict[str, Any]:
+def _plain_slip(slip: "Slip") -> dict[str, Any]:
     """Return a slip as plain data, without the other motion."""
     names = [field.name for field in fields(slip) if field.name != "other"]
     return {**{name: getattr(slip, name) for name in names}, "text": str(slip)}

@@ -13,6 +13,7 @@ import griffe
 from latex2mathml.converter import convert
 from markdown import Extension, Markdown
 from markdown.inlinepatterns import InlineProcessor
+from markdown.postprocessors import Postprocessor
 from markdown.preprocessors import Preprocessor
 
 
@@ -35,11 +36,21 @@ class _Fields(Preprocessor):
         return text.split("\n")
 
 
+class _Options(Postprocessor):
+    """Mark options in code within a line, so that site.css keeps them on one line."""
+
+    def run(self, text: str) -> str:
+        option = r"(?<![\w<-])(--[\w-]+)(?=[^<>]*</code>)"
+        return re.sub(option, r'<span class="option">\1</span>', text)
+
+
 class _MoreMarkdown(Extension):
     def extendMarkdown(self, md: Markdown) -> None:
         # After code (spans have priority 190, fences 25) and before backslash escapes.
         md.inlinePatterns.register(_Equation(r"(\$\$?)([^$]+)\1", md), "equation", 185)
         md.preprocessors.register(_Fields(md), "fields", 15)
+        # Before code blocks are put back in (30).
+        md.postprocessors.register(_Options(md), "options", 40)
 
 
 def makeExtension() -> Extension:

@@ -37,7 +37,7 @@ class Law(NamedTuple):
     The torque is per_command · command - per_angle · angle - per_rate · rate + at_rest, minus dry
     friction smoothed to friction · tanh(rate/SLOW), clipped to -limit and limit. SI units.
 
-    Parameters
+    Attributes
     ----------
     per_command : float
         Torque per unit of the command.

@@ -181,7 +181,7 @@ def _draw_errors(
         _draw(axes, look, i, np.column_stack([run.motion.times[1:], heights]), run.finished)
     draw_slips(axes, slips=slips_of(agreements[0].theory))
     named = figure.axes[0].get_legend_handles_labels()
-    place = (0.5, 1 - 0.5 / figure.get_figheight())
+    place = (0.5, 1 - 0.38 / figure.get_figheight())
     figure.legend(*named, loc="upper center", bbox_to_anchor=place, ncols=3, frameon=False)
 
 

@@ -172,6 +172,10 @@ def test_no_page_overflows_logs_an_error_or_loads_from_elsewhere(
         assert browser.run(BEYOND) != []
 
 
+# Names in first cells, and options anywhere, that are broken over lines.
+BROKEN = """[...document.querySelectorAll("td:first-child code, .option")].filter(
+  node => node.getClientRects().length > 1 && !/[ /]/.test(node.innerText)
+).map(node => node.innerText)"""
 # The number of elements that a reader must scroll sideways.
 SCROLLED = """[...document.querySelectorAll("{}")].filter(
   node => node.scrollWidth > node.clientWidth + 1
@@ -180,10 +184,13 @@ SCROLLED = """[...document.querySelectorAll("{}")].filter(
 
 @needs_browser
 @pytest.mark.slow
-def test_code_fits_a_desktop_and_tables_of_commands_a_phone(
+def test_code_and_tables_fit_a_desktop_and_names_are_whole_on_a_phone(
     site: Path, address: str, tmp_path: Path
 ) -> None:
-    """At 1280 pixels 90 characters fit in a line of code, and longer lines are broken, not cut."""
+    """At 1280 pixels 90 characters fit in a line of code, and longer lines are broken, not cut.
+
+    The widest table, of engines, fits there, and the tables of commands fit a phone.
+    """
     with opened("", tmp_path, 1280, 200, webgl=False) as browser:
         browser.call("Page.addScriptToEvaluateOnNewDocument", source=UNSEARCHED)
         browser.visit(f"{address}commands.html")
@@ -195,6 +202,12 @@ def test_code_fits_a_desktop_and_tables_of_commands_a_phone(
         assert heights[0] == heights[1] < heights[2]
         assert browser.run(SCROLLED.format("pre > code")) == 0
         browser.size(390, 200)
+        assert browser.run(SCROLLED.format(".md-typeset__scrollwrap")) == 0
+        for page in "commands", "scene", "json":
+            browser.visit(f"{address}{page}.html")
+            assert browser.run(BROKEN) == [], page
+        browser.size(1280, 200)
+        browser.visit(f"{address}engines.html")
         assert browser.run(SCROLLED.format(".md-typeset__scrollwrap")) == 0
 
 

@@ -38,7 +38,7 @@ def main(duration: float = 80.0) -> dict[str, float]:
         axes["b"].text(times[peak] + 3, momentum[peak, i], label, va="center")
     for line in straight.straight_motions(ball, f):
         axes["a"].plot(*line.gamma, "X", color="k")
-        axes["a"].text(*1.15 * line.gamma, straight.name_of_line(ball, line.gamma), fontsize=14)
+        axes["a"].text(*1.35 * line.gamma, straight.name_of_line(ball, line.gamma), fontsize=14)
     gap = np.linalg.norm(engine.contact_point - theory.contact_point, axis=1)
     axes["d"].semilogy(times[1:], gap[1:], color="k")
     figure.suptitle("The ball leaves the unstable line σ₊ and rolls back along δ₊")

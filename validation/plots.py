@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LEAST = 1e-17
 # Inches: the width of a picture, the left and right ends of its panels, the height of an error
 # panel, and the space above, for a row of names, and below each panel.
-_WIDTH, _LEFT, _RIGHT, _HIGH, _ABOVE, _ROW, _BELOW = 8.0, 1.1, 7.6, 2.7, 0.8, 0.21, 0.75
+_WIDTH, _LEFT, _RIGHT, _HIGH, _ABOVE, _ROW, _BELOW = 8.0, 1.1, 7.6, 2.7, 0.9, 0.21, 0.75
 
 
 def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
@@ -181,7 +181,7 @@ def _draw_errors(
         _draw(axes, look, i, np.column_stack([run.motion.times[1:], heights]), run.finished)
     draw_slips(axes, slips=slips_of(agreements[0].theory))
     named = figure.axes[0].get_legend_handles_labels()
-    place = (0.5, 1 - 0.38 / figure.get_figheight())
+    place = (0.5, 1 - 0.5 / figure.get_figheight())
     figure.legend(*named, loc="upper center", bbox_to_anchor=place, ncols=3, frameon=False)
 
 

@@ -63,17 +63,17 @@ SAID = {
     "extremes.md": [
         f"{len(MAPS)} maps, both rolling models",
         f"{EXTREMES['runs']} runs of the recipe",
-        f"{EXTREMES['wrong']} runs are off by more than a tenth or broke off",
-        f"MuJoCo itself says so in {EXTREMES['reported_by_engine']} of them",
+        f"{EXTREMES['wrong']} runs failed",
+        f"MuJoCo itself reports {EXTREMES['reported_by_engine']} of these failures",
         f"The precheck warns of {EXTREMES['foretold']} before the run",
-        f"the monitor reports {EXTREMES['noticed']} during it",
+        f"the monitor reports {EXTREMES['noticed']} during the run",
         f"warn in {EXTREMES['alarms']} of {EXTREMES['accurate']} accurate runs",
         f"they missed none of {STUDIES['random']['failed']} failures",
     ],
     "cost.md": [
         f"in {COST['servos_off_their_rates']} of {COST['servos']} configurations hinges",
-        f"the best of the others is at {COST['best_servo']:.0e}".replace("e-0", "e-"),
-        f"reach {COST['best_of_first_order']:.0e} at 0.2 ms".replace("e-0", "e-"),
+        f"error of the other configurations is {COST['best_servo']:.0e}".replace("e-0", "e-"),
+        f"reach an error of {COST['best_of_first_order']:.0e} in".replace("e-0", "e-"),
     ],
     "errata.md": [
         f"f < {FIG_10:.4f}",
@@ -101,7 +101,7 @@ def test_the_studies_are_those_of_today() -> None:
     assert sum(sum(item.values()) for item in EXTREMES["outcomes"].values()) == EXTREMES["runs"]
     assert outcomes_table(EXTREMES["outcomes"]) in DOCS["extremes.md"]
     assert len(re.findall(OUTCOMES, DOCS["extremes.md"], re.DOTALL)) == 1
-    # "both together miss none", "they missed none", "no alarm was false".
+    # "together they miss none", "they missed none", "they gave no false alarm".
     random = STUDIES["random"]
     assert (EXTREMES["missed"], random["missed"], random["false_alarms"]) == (0, 0, 0)
     assert EXTREMES["reported_by_engine"] / EXTREMES["wrong"] == pytest.approx(0.36, abs=0.005)

@@ -54,7 +54,7 @@ COST_MODEL = _CostModel()
 
 
 def low_weight(plan: PlannedRun) -> LimitCheck | None:
-    """Predict RK4's path error (r·dt)⁶ in 10 s, with the rate r of a weight at its lowest point.
+    """Predict RK4's path error (r·dt)⁶ in 10 s, with the rate r of a low weight's swing.
 
     There the inertia I about the contact is least; at an angle ψ it is I + a|S|ψ², with S = Σ m r.
     With the energy E above rest, the ball turns at √(2E/I) through the angle √(I/a|S|) in which I
@@ -82,7 +82,7 @@ def low_weight(plan: PlannedRun) -> LimitCheck | None:
 
 
 def servo_gain(plan: PlannedRun) -> LimitCheck | None:
-    """Require kv·dt/j < 2.785 for RK4, and 2 for Euler and discrete; kv/j is gain over inertia.
+    """Require kv·dt/j < 2.785 for RK4, and < 2 for Euler and discrete (gain kv, inertia j).
 
     The implicit integrators have no limit. A velocity servo is a damper, and j the inertia that it
     feels with the ball rolling. kv/j is the plan's `servo_rate`, the size of a complex rate with
@@ -102,7 +102,7 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
 
 
 def late_friction(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the error of friction that is opposite to the slip at a time 1/b later.
+    """Predict the path error, because friction opposes the slip that the ball has 1/b later.
 
     The friction row's force in a slip is against a + b v, with the slip v, its acceleration a and
     the damping b. So the velocity of the ball is off by Δf/(b m), with Δf the change of the
@@ -148,7 +148,7 @@ def lifted(plan: PlannedRun) -> LimitCheck | None:
 
 
 def raised_friction(plan: PlannedRun) -> LimitCheck | None:
-    """Require friction coefficients of 1e-5; MuJoCo silently raises smaller ones."""
+    """Require friction coefficients of at least 1e-5; MuJoCo silently raises smaller ones."""
     value, limit = min(plan.friction[: plan.condim // 2]), mujoco.mjMINMU
     warning = (
         f"MuJoCo will raise a coefficient of friction from {value:.4g} to {limit:g} without a "
@@ -158,7 +158,7 @@ def raised_friction(plan: PlannedRun) -> LimitCheck | None:
 
 
 def friction_row(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the part 2F/(b M) of M that is lost, as MuJoCo's soft row delays a dry friction F.
+    """Predict the relative error 2F/(b M) of M, because MuJoCo's soft row delays dry friction F.
 
     A row of damping b acts against a + b v in place of the rate v, with a the acceleration without
     it. So it pushes along v for the time 1/b before a load reverses v. Steps of first order have
@@ -176,7 +176,7 @@ def friction_row(plan: PlannedRun) -> LimitCheck | None:
 
 
 def friction_parts(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the time that steps of 2/λ take, if dry friction stops a hinge at the rate λ.
+    """Predict the computing time if dry friction stops a hinge at a rate λ, in steps of 2/λ.
 
     It is an upper limit, because λ is F/(I SLOW) below SLOW only, and hinges that turn take long
     steps.
@@ -201,7 +201,7 @@ def _dry_friction(plan: PlannedRun) -> float:
 
 
 def drive_seen(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the error of a drive's rate that is due to its values between the stages of a step.
+    """Predict the error of a drive's mean rate, because steps read the drive at few times.
 
     It is the error of the mean rate over a step: for slow drives of the step's order, Simpson's for
     RK4, and the size of the drive itself if its period is no longer than the step. The rates at the
@@ -227,7 +227,7 @@ def drive_seen(plan: PlannedRun) -> LimitCheck | None:
 
 
 def servo_droop(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the relative error of a velocity servo's rate, τ/kv under the load τ.
+    """Predict the error τ/kv of a velocity servo's rate under a load τ, relative to the rate.
 
     Measured 0.75 to 0.99 of that, if it is small.
     """
@@ -243,7 +243,7 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
 
 
 def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
-    """Require condim 4, with its torsional row, for rubber; with 3 the ball is classical."""
+    """Require condim 4 for rubber rolling; with condim 3 the ball can spin."""
     if plan.scene.rolling != "rubber" or plan.settings.condim is None:
         return None
     warning = (
@@ -254,7 +254,7 @@ def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
 
 
 def drag(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the part μ m g t of M that rolling and torsional friction take.
+    """Predict the loss μ m g t of M to rolling and torsional friction.
 
     The rolling model has no such rows: rolling friction with condim 6 in both models, and torsional
     friction in the classical one, which may spin. dM/dt = -μ m g at most, with the μ of the row
@@ -272,7 +272,7 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
 
 
 def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip |a (ω×Ω)×γ|/(b v) over the speed, of a model with the frame as its root.
+    """Predict the ratio |a (ω×Ω)×γ|/(b v) of slip to speed if the frame is the model's root.
 
     MuJoCo leaves the J̇v term out of its contact rows, which is a(ω×Ω)×γ if the shell hangs on a
     hinge. Friction that reduces slip at the rate b leaves this slip. M stays constant, so it does
@@ -289,7 +289,7 @@ def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
 
 
 def turning_plane(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip |Ω|v/(b v) over the speed, on a plane that turns under a pyramidal cone.
+    """Predict the ratio |Ω|v/(b v) of slip to speed on a rotating plane with a pyramidal cone.
 
     MuJoCo leaves the acceleration of the surface under the ball out of its contact rows. Runs add
     it to the rows of an elliptic cone; a pyramidal cone has no rows of friction alone. Measured
@@ -304,7 +304,7 @@ def turning_plane(plan: PlannedRun) -> LimitCheck | None:
 
 
 def creep(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip (1 - d)/d α/(b v) over the speed, with which soft friction carries its load.
+    """Predict the ratio (1 - d)/d α/(b v) of slip to speed at which soft friction carries its load.
 
     The noslip solver removes it. A row of impedance d gives its force with a deviation of
     (1 - d)/d of the acceleration α that the force makes: divided by impratio in an elliptic cone,
@@ -337,7 +337,7 @@ def _slip(plan: PlannedRun, acceleration: float) -> float:
 
 
 def start_depth(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the lever arm's error g (1 - d)/(d² k) over the radius, if the start just touches.
+    """Predict the relative error g (1 - d)/(d² k a) of the lever arm after a start at depth 0.
 
     Half of it is in the path. The contact carries the weight at the depth p = g (1 - d)/(d² k),
     into which the ball falls. A start in equilibrium has this depth as the margin of the pair, and
@@ -351,7 +351,7 @@ def start_depth(plan: PlannedRun) -> LimitCheck | None:
 
 
 def first_step(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the slip α dt over the speed of M, with which a start that just touches begins.
+    """Predict the ratio α dt/v of slip to speed in the first step from a start at depth 0.
 
     MuJoCo finds no contact at depth zero, so for one step the contact point has the acceleration
     that friction should have taken from it, and slip dies out slowly. Measured 0.38 to 0.56 of it

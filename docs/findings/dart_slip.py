@@ -1,4 +1,4 @@
-"""DART's default friction pulls a sliding ball askew, and its law "Associated" throws it up.
+"""DART's default friction acts askew on a sliding ball; its law "Associated" throws the ball up.
 
 A solid ball (1 kg, 0.1 m, friction 0.3) gets a velocity of 2 m/s and a spin. Friction is against
 the slip u, which keeps its direction until it ends at t = 2|u|/(7μg). Printed for each law and

@@ -1,4 +1,4 @@
-"""Equal steps ignore SimulatorConfig's accuracy, which Newton's iteration needs.
+"""With equal steps Drake ignores SimulatorConfig's accuracy, although Newton's iteration needs it.
 
 A ball of radius 1 m with three different moments of inertia and a free rotor rolls for 4 s with
 RADAU 3 at equal steps of 2 ms and accuracy 1e-8. Its angular momentum about the contact is

@@ -1,4 +1,4 @@
-"""SAP throws up a ball that begins to slide, at any step; Drake says of order step.
+"""At any step SAP throws up a ball that begins to slide; the docstring says of the step's order.
 
 A solid ball (1 kg, 0.1 m, friction 0.3) gets a velocity of 2 m/s and a spin. The slip |u| ends at
 t = 2|u|/(7μg) without a hop. Printed for each contact approximation and step: the rise of the ball

@@ -1,4 +1,4 @@
-"""MJX's copy into MuJoCo's data leaves the contacts' adhesion at its old memory contents.
+"""MJX copies contacts into MuJoCo's data without setting their adhesion, which stays arbitrary.
 
 A ball of 1 kg rests on a plane under 9 m/s². MJX 3.17 copies all contact fields that it has, which
 do not include adhesion. `mj_contactForce` (MuJoCo 3.17 and 4.0) subtracts the adhesion from the

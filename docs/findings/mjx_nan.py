@@ -1,4 +1,4 @@
-"""MJX returns NaN for a contact so hard that only MuJoCo still rolls the ball.
+"""MJX returns NaN for a very hard contact with which MuJoCo still rolls the ball.
 
 A ball of radius 1 m rolls down a slope with RK4 and an impedance of 0.9999; scaling down its
 inverse weight makes the contact harder still. Printed: the velocity after 0.5 s at 5 ms [m/s] with

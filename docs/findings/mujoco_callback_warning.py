@@ -1,4 +1,4 @@
-"""A MuJoCo warning within a Python callback blocks forever, even against Ctrl-C.
+"""A MuJoCo warning within a Python callback blocks the process forever; Ctrl-C does not stop it.
 
 A control callback evaluates a second MjData, with a finite state or with one so large that the
 inertia matrix overflows and MuJoCo warns. The same call is also made outside a callback. Each runs

@@ -1,4 +1,4 @@
-"""condim 6 brakes: a rolling friction of μ m takes a torque μ m g from a rolling ball.
+"""With condim 6 a rolling friction of μ [m] brakes a rolling ball with the torque μ m g.
 
 A solid sphere of radius 1 m starts to roll at 2 m/s, with the same friction coefficients for each
 condim. Printed: the fraction of its speed lost in 1 s. Theory: μ g / (7/5 a²) t = 0.35 m/s of 2.

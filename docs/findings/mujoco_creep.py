@@ -1,4 +1,4 @@
-"""Regularised friction creeps, at a speed given by load, impedance and solref.
+"""Regularised friction creeps under load, at a speed that follows from load, impedance and solref.
 
 A ball of 1 kg that cannot turn lies on a slope with a load F along it, a third of the friction
 limit. Printed: its velocity after 1 s over (1 - d)/d · F/m / (b · impratio), with the impedance

@@ -1,4 +1,4 @@
-"""Euler feeds energy to a gyrostat: its momentum doubles without a warning.
+"""Euler adds energy to a gyrostat, and the momentum doubles without a warning.
 
 A free body with a rotor at 300 rad/s for 10 s at 2 ms. Printed: the final over the initial angular
 momentum, which is constant, and the number of MuJoCo's warnings.

@@ -1,4 +1,4 @@
-"""Contact rows have no dJ/dt term: a shell that hangs on a rotating body slips.
+"""Contact rows have no dJ/dt term, so a shell that is attached to a rotating body slips.
 
 A shell of radius 1 m rolls on a plane, and a frame turns in it at 2 rad/s. The same ball is
 modelled twice, with the shell or the frame on the free joint. Printed: the largest slip of the

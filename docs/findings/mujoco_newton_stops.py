@@ -1,4 +1,4 @@
-"""Newton's tolerance is relative to the total inertia: with a huge armature it does not iterate.
+"""With a huge armature the solver Newton does not iterate: its tolerance is relative to inertia.
 
 A sphere rolls down a slope with friction 20; a rotor inside has a hinge armature of 1e14 kg m².
 With the default tolerance Newton makes no iteration and the sphere slides, without a warning.

@@ -1,4 +1,4 @@
-"""A sliding ball gets wrong friction from a pyramidal cone, and an elliptic one throws it up.
+"""A pyramidal cone gives a sliding ball wrong friction, and an elliptic cone throws the ball up.
 
 A solid ball (1 kg, 0.1 m, friction 0.3) at rest gets a velocity of 2 m/s and a spin. Friction is
 against the slip u, which keeps its direction until it ends at t = 2|u|/(7μg). Printed for each

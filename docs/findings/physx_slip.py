@@ -1,4 +1,4 @@
-"""A ball's slip in PhysX does not decrease with the step.
+"""In PhysX the slip of a rolling ball does not decrease with the step.
 
 A ball of radius 1 m rolls down a slope for 1 s with friction 1, ten times the necessary value.
 Printed: the largest slip [m/s], read every 10 ms, at three step lengths. A first-order method would

@@ -50,8 +50,8 @@ _FILMED, _SHOWN = 3.2, 3.0  # s, length of the README's film and the time of its
 NUMBERS = _DOCS / "numbers.json"
 _HEAD = """# Gallery
 
-Above each picture are its caption and the command that makes it. `bench.gallery` makes the pictures
-again: of commands that begin with one of its arguments, or all, in hours.
+The caption of a picture, and the command that makes it, are above the picture. `bench.gallery`
+makes all pictures again in hours, or only those whose commands begin with one of its arguments:
 
     .venv/bin/python -m bench.gallery "dynamics section" examples/paper/fig10"""
 _UNBREAKABLE = "\N{NO-BREAK SPACE}"

@@ -1,4 +1,4 @@
-"""With PhysX's solver PGS friction pulls a sliding ball askew and ends the slip early; not with TGS.
+"""With the solver PGS friction pulls a sliding ball askew and ends the slip early; TGS is right.
 
 A solid ball (1 kg, 0.1 m, friction 0.3) gets a velocity of 2 m/s and a spin. Friction is against
 the slip u, which keeps its direction until it ends at t = 2|u|/(7μg). Printed for each solver and

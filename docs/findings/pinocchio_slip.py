@@ -1,4 +1,4 @@
-"""Pinocchio's CCP throws up a ball that begins to slide; its docstring calls CCP and NCP equivalent.
+"""The CCP throws up a ball that begins to slide; the docstring calls it equivalent to the NCP.
 
 A solid ball (1 kg, 0.1 m, friction 0.3) gets a velocity of 2 m/s and a spin. The slip |u| ends at
 t = 2|u|/(7μg) without a hop. Printed for the ADMM solver with solve_ncp True and False, and for

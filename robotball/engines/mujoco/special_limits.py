@@ -102,7 +102,7 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
 
 
 def late_friction(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the path error, because friction opposes the slip that the ball has 1/b later.
+    """Predict the path error: in a slip, friction opposes the slip velocity of a time 1/b later.
 
     The friction row's force in a slip is against a + b v, with the slip v, its acceleration a and
     the damping b. So the velocity of the ball is off by Δf/(b m), with Δf the change of the
@@ -158,7 +158,7 @@ def raised_friction(plan: PlannedRun) -> LimitCheck | None:
 
 
 def friction_row(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the relative error 2F/(b M) of M, because MuJoCo's soft row delays dry friction F.
+    """Predict the relative error 2F/(b M) of M: MuJoCo's soft row delays dry friction F by 1/b.
 
     A row of damping b acts against a + b v in place of the rate v, with a the acceleration without
     it. So it pushes along v for the time 1/b before a load reverses v. Steps of first order have
@@ -201,7 +201,7 @@ def _dry_friction(plan: PlannedRun) -> float:
 
 
 def drive_seen(plan: PlannedRun) -> LimitCheck | None:
-    """Predict the error of a drive's mean rate, because steps read the drive at few times.
+    """Predict the error of a drive's mean rate: a step reads the drive at few times only.
 
     It is the error of the mean rate over a step: for slow drives of the step's order, Simpson's for
     RK4, and the size of the drive itself if its period is no longer than the step. The rates at the

@@ -1,4 +1,4 @@
-"""Before a load reverses a joint, dry friction pushes it along its velocity, at any timestep.
+"""Before a load reverses a joint, dry friction pushes the joint along its velocity at any timestep.
 
 A body of 1 kg on a slide joint with frictionloss 1 N starts at 1 m/s against a load of 10 N.
 Coulomb's friction is against the velocity at every instant. Printed under RK4, with the default

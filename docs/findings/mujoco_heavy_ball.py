@@ -1,4 +1,4 @@
-"""For a heavy ball noslip and PGS omit friction, because a threshold on a determinant is fixed.
+"""For a heavy ball noslip and PGS omit friction, because they compare a determinant with 1e-10.
 
 A ball of radius 1 m and 1 or 1e6 kg rolls down a slope with the same friction and a soft contact.
 The slip after 1 s [m/s] should not depend on the mass. But the determinants of the friction rows'

@@ -8,7 +8,8 @@ engine.
 IdealWorld imposes ideal rolling on the engine's mass matrix M and bias h. In world axes
 u = (v of the sphere's centre, ω of the shell, hinge rates). Rolling v = a ω×e_z, the rubber model's
 (ω, e_z) = 0 and prescribed hinge rates are linear in u with constant coefficients: u = S w + s(t),
-where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs no dS/dt.
+where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs no dS/dt. The velocity
+of a turning plane under the ball is added to s.
 """
 
 import os
@@ -77,7 +78,11 @@ class World(ABC):
         return UNKNOWN_FORCE
 
     def set_gravity(self, gravity: Array) -> None:
-        """Set gravity (3,) [m/s²], world axes, if the adapter's `sets_gravity` is true."""
+        """Set gravity (3,) [m/s²], world axes, if the adapter's `moves_plane` is true."""
+        raise NotImplementedError
+
+    def set_turn(self, rate: float) -> None:
+        """Set the rate of the plane's rotation [rad/s], if `moves_plane` is true."""
         raise NotImplementedError
 
     def hinges_at(self, t: float) -> tuple[Array, Array]:
@@ -159,6 +164,8 @@ class SteppedWorld(World):
             self.control(begin + i * step, step)
             if self.scene.plane_moves:  # the midpoint value is the step's mean to second order
                 self.set_gravity(self.scene.gravity_at(begin + (i + 0.5) * step))
+            if self.scene.plane_turns:  # a step's velocities belong to its end
+                self.set_turn(float(self.scene.plane_turn.rate(begin + (i + 1) * step)))
             take(step)
 
 
@@ -337,7 +344,7 @@ def in_single_precision(scene: Scene, settings: Any) -> str:
 
 
 def _beyond_given_rates(scene: Scene) -> str | None:
-    """Return in one line what a scene has beyond given rates on a plane that keeps level."""
+    """Return in one line what a scene has beyond given rates and friction of sliding and spin."""
     if scene.ball.links:
         return "its adapter supports a shell, a frame, rotors and pendulums, but no other links"
     if any(hinge.motor for hinge in scene.hinges):
@@ -346,8 +353,6 @@ def _beyond_given_rates(scene: Scene) -> str | None:
         return "its adapter needs all hinges at angle 0 at the start"
     if scene.friction.rolling:
         return "its adapter does not support rolling friction"
-    if scene.plane_turns:
-        return "its adapter does not support rotation, but the plane turns"
     return None
 
 
@@ -366,8 +371,8 @@ class Adapter(Engine):
         scenes that differ only in their initial states and rolls their balls side by side.
     lacks : callable
         (scene, settings) -> one line on physics that the engine lacks for the scene, or None.
-    sets_gravity : bool
-        Whether its worlds can change gravity during a run.
+    moves_plane : bool
+        Whether its worlds can change gravity and turn the plane during a run.
     rolls_unbalanced : bool
         Whether its worlds also roll balls that are not balanced, and on tilted planes.
     resists_spin : bool
@@ -383,7 +388,7 @@ class Adapter(Engine):
     world: Callable[..., World]
     lacks: Callable[[Scene, Any], str | None] = lambda *_: None
     default: str = "best"
-    sets_gravity: bool = False
+    moves_plane: bool = False
     rolls_unbalanced: bool = False
     resists_spin: bool = False
     environments: Path = ENVIRONMENTS
@@ -402,8 +407,8 @@ class Adapter(Engine):
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return in one line why its adapter cannot roll the scene, or None."""
-        if scene.plane_moves and not self.sets_gravity:
-            return "its adapter keeps gravity constant, but this plane moves"
+        if not (scene.plane_is_still or self.moves_plane):
+            return "its adapter keeps the plane still, but this plane moves or turns"
         if scene.slip_limits[2] < np.inf and not self.resists_spin:
             return "its contact has no torsional friction, which this scene limits"
         if self.rolls_unbalanced:
@@ -539,6 +544,7 @@ class IdealWorld(World):
         rolling = np.array([[0.0, a, 0.0], [-a, 0.0, 0.0], [0.0, 0.0, 0.0]])
         whole = np.concatenate([rolling, np.eye(3), np.zeros((h, 3))])
         self.S = whole[:, :2] if scene.rolling == "rubber" else whole
+        self.carried = [0, 1, 5] if scene.rolling == "rubber" else [0, 1]  # by the plane, in u
 
     @abstractmethod
     def dynamics(self, state: State) -> tuple[Array, Array]:
@@ -552,6 +558,9 @@ class IdealWorld(World):
         pushed = np.array([*np.zeros(6), *hinges])
         if self.scene.plane_moves:
             self.set_gravity(self.scene.gravity_at(t))
+        if self.scene.plane_turns:
+            faster = self.scene.plane_acceleration(t, *y[:2], *state.velocity[:2])
+            pushed[self.carried] = faster[: len(self.carried)]
         M, h = self.dynamics(state)
         S, (w, x, y, z) = self.S, state.attitude
         free_rate = np.linalg.solve(S.T @ M @ S, -S.T @ (M @ pushed + h))
@@ -561,6 +570,8 @@ class IdealWorld(World):
 
     def state_at(self, t: float, y: Array) -> State:
         u = self.S @ y[6:]
+        if self.scene.plane_turns:
+            u[self.carried] += self.scene.plane_velocity(t, y[:2])[: len(self.carried)]
         q = y[2:6] / np.linalg.norm(y[2:6])
         angles, rates = self.hinges_at(t)
         centre = np.array([y[0], y[1], self.scene.ball.radius])

@@ -34,7 +34,7 @@ class _BulletWorld(adapter.ServoWorld):
         self.p = p = client.BulletClient(connection_mode=pybullet.DIRECT)
         self.set_gravity(scene.gravity_at(0.0))
         p.setTimeStep(step)
-        plane = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
+        self.plane = plane = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
         self.strength, links = settings.motor_force, links_of(scene)
         (shell, *hung), names = links, [link.name for link in links]
         moments, axes = zip(*map(principal_inertia, links), strict=True)
@@ -78,9 +78,13 @@ class _BulletWorld(adapter.ServoWorld):
         for i, rate in enumerate(start.rates.tolist()):
             p.resetJointState(self.ball, i, 0.0, rate)
         self.set_rates(start.rates)
+        self.set_turn(float(scene.plane_turn.rate(0.0)))
 
     def set_gravity(self, gravity: Array) -> None:
         self.p.setGravity(*gravity.tolist())
+
+    def set_turn(self, rate: float) -> None:
+        self.p.resetBaseVelocity(self.plane, [0.0] * 3, [0.0, 0.0, rate])
 
     def set_rates(self, rates: Array) -> None:
         # Resetting the joint states at every step instead gives a path error of 300 to 500 %.
@@ -131,7 +135,7 @@ BULLET = adapter.Adapter(
     extra="bullet",
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
     world=_BulletWorld,
-    sets_gravity=True,
+    moves_plane=True,
     rolls_unbalanced=True,
     resists_spin=True,
 )

@@ -72,9 +72,10 @@ class _DartWorld(adapter.ServoWorld):
             options = friction.Options()
             options.law = getattr(friction.Law, settings.law)
             self.world.getConstraintSolver().setBoxedLcpSolver(friction(options))
-        ground = dartpy.dynamics.Skeleton("ground")
-        _, plane = ground.createWeldJointAndBodyNodePair()
-        ground.setMobile(False)
+        self.ground = ground = dartpy.dynamics.Skeleton("ground")
+        joint, plane = ground.createRevoluteJointAndBodyNodePair()  # about e_z
+        joint.setActuatorType(dartpy.dynamics.ActuatorType.VELOCITY)
+        self.set_turn(float(scene.plane_turn.rate(0.0)))
         up, shapes = np.array([0.0, 0.0, 1.0]), dartpy.dynamics
         for body, shape in (
             (plane, shapes.PlaneShape(up, 0.0)),
@@ -94,6 +95,9 @@ class _DartWorld(adapter.ServoWorld):
     def set_gravity(self, gravity: Array) -> None:
         self.world.setGravity(gravity)
 
+    def set_turn(self, rate: float) -> None:
+        self.ground.setCommand(0, rate)
+
     def set_rates(self, rates: Array) -> None:
         for i, rate in enumerate(rates.tolist(), start=6):
             self.ball.setCommand(i, rate)
@@ -104,7 +108,7 @@ class _DartWorld(adapter.ServoWorld):
         self.world.step(False)  # True would reset commands and the torque
 
     def _resist_spin(self) -> None:
-        spin = self.shell.getAngularVelocity()[2]
+        spin = self.shell.getAngularVelocity()[2] - self.ground.getCommand(0)
         self.shell.setExtTorque([0.0, 0.0, -self.damping * spin], False)
 
     def python_seconds(self) -> float:
@@ -153,7 +157,7 @@ DART = adapter.Adapter(
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     ),
     world=adapter.either(_DartWorld, _DartDynamics),
-    sets_gravity=True,
+    moves_plane=True,
     rolls_unbalanced=True,
     lacks=adapter.spins,
 )

@@ -96,6 +96,7 @@ class _ContactWorld(adapter.SteppedWorld):
         self.data, self.tau = self.model.createData(), np.zeros(self.model.nv)
         self.damping, self.friction = adapter.spin_damping(scene, settings, step), settings.friction
         self.q, self.v = _coordinates(self.now, settings.root)
+        self.set_turn(float(scene.plane_turn.rate(0.0)))
         self.rotating_axes = settings.root == "free flyer"
         identity = pin.SE3.Identity()
         self.contact = pin.PointContactConstraintModel(self.model, 0, identity, 1, identity)
@@ -110,13 +111,16 @@ class _ContactWorld(adapter.SteppedWorld):
     def set_gravity(self, gravity: Array) -> None:
         self.model.gravity.linear = gravity
 
+    def set_turn(self, rate: float) -> None:
+        self.turn = rate
+
     def control(self, t: float, step: float) -> None:
         self.tau[6:] = [_ARMATURE * drive.acceleration(t + step / 2) for drive in self.scene.drives]
 
     def step(self, step: float) -> None:
         pin, model, data, q, v = self.pin, self.model, self.data, self.q, self.v
         R, a = rotation_matrix(np.roll(q[3:7], 1)), self.scene.ball.radius
-        self.tau[3:6] = -self.damping * (R[2] @ v[3:6]) * R[2]
+        self.tau[3:6] = -self.damping * (R[2] @ v[3:6] - self.turn) * R[2]
         # The contact is at the shell's lowest point; both frames have world axes.
         self.contact.joint1_placement = pin.SE3(np.eye(3), np.array([q[0], q[1], 0.0]))
         self.contact.joint2_placement = pin.SE3(R.T, -a * R[2])
@@ -129,7 +133,8 @@ class _ContactWorld(adapter.SteppedWorld):
         cholesky = pin.ConstraintCholeskyDecomposition(model, data, models, datas)
         cholesky.compute(model, data, models, datas, 1e-10)
         J = pin.getConstraintsJacobian(model, data, models, datas)
-        drift = J @ free + [0.0, 0.0, (q[2] - a) / step]
+        # The velocity relative to the plane, which turns about the origin.
+        drift = J @ free + [self.turn * q[1], -self.turn * q[0], (q[2] - a) / step]
         delassus = cholesky.getDelassusOperatorCholeskyExpression()
         self.solver.solve(delassus, drift, models, datas, self.settings, self.result)
         self.contact_force = self.result.retrieveConstraintImpulses() / step
@@ -163,7 +168,7 @@ PINOCCHIO = adapter.Adapter(
         ),
     ),
     world=adapter.either(_ContactWorld, _PinocchioWorld),
-    sets_gravity=True,
+    moves_plane=True,
     rolls_unbalanced=True,
     lacks=adapter.spins,
 )

@@ -42,7 +42,10 @@ class _RapierWorld(adapter.ServoWorld):
         surfaces = [sphere, rapier.Collider.halfspace([0.0, 0.0, 1.0])]
         if settings.friction is not None:
             surfaces = [surface.friction(settings.friction) for surface in surfaces]
-        self.plane = world.add_collider(surfaces[1])
+        handle = world.add_body(rapier.RigidBody.kinematic_velocity_based(), [surfaces[1]])
+        self.floor = world.rigid_bodies[handle]
+        self.set_turn(float(scene.plane_turn.rate(0.0)))
+        (self.plane,) = self.floor.colliders
         self.friction = world.colliders[self.plane].friction
         model = rapier.MotorModel
         kind = model.FORCE_BASED if settings.by_force else model.ACCELERATION_BASED
@@ -72,6 +75,9 @@ class _RapierWorld(adapter.ServoWorld):
     def set_gravity(self, gravity: Array) -> None:
         self.world.gravity = gravity
 
+    def set_turn(self, rate: float) -> None:
+        self.floor.angvel = [0.0, 0.0, rate]
+
     def set_rates(self, rates: Array) -> None:
         for handle, rate in zip(self.hinges, rates.tolist(), strict=True):
             hinge = self.world.impulse_joints.get(handle)
@@ -86,7 +92,7 @@ class _RapierWorld(adapter.ServoWorld):
 
     def _resist_spin(self) -> None:
         self.shell.reset_torques()
-        self.shell.add_torque((0.0, 0.0, -self.damping * self.shell.angvel.z))
+        self.shell.add_torque((0.0, 0.0, -self.damping * (self.shell.angvel.z - self.floor.angvel.z)))
 
     def python_seconds(self) -> float:
         torque = adapter.seconds_per_call(self._resist_spin) * self.steps if self.damping else 0.0
@@ -147,7 +153,7 @@ RAPIER = adapter.Adapter(
     extra="rapier",
     presets=adapter.by_name(_AS_IT_COMES, _BEST),
     world=_RapierWorld,
-    sets_gravity=True,
+    moves_plane=True,
     rolls_unbalanced=True,
     lacks=_lacks,
 )

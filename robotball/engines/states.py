@@ -110,6 +110,7 @@ def start_states(scenes: Sequence[Scene]) -> State:
     scene, starts = scenes[0], [each.start for each in scenes]
     names = ("attitude", "momentum", "slip")
     attitude, momentum, slip = (np.array([getattr(s, name) for s in starts]) for name in names)
+    slip = slip + (scene.start_slip - scene.start.slip)  # a turning plane turns a rubber shell
     R, axes, shell = rotation_matrix(attitude), scene.principal_axes, scene.ball.shell
     if scene.not_reduced:
         turning = np.array([scene.angular_velocity_at(start) for start in starts])
@@ -139,7 +140,7 @@ def readings_of(
     sound = np.isfinite(rows).all(axis=1) & (size <= DIVERGED)
     state = replace(state, attitude=attitudes(state.attitude, sound))
     attitude, omega, L = _frame_and_momentum(scene, state)
-    sliding = state.velocity - scene.ball.radius * np.cross(state.omega, _UP)
+    slip = scene.slip_of(times, state.centre[:, :2], state.velocity[:, :2], state.omega)
     loads = replace(Loads.unknown(len(rows), len(scene.drives)), contact_force=forces)
     return Readings(
         time=times,
@@ -151,8 +152,8 @@ def readings_of(
         hinge_angles=state.angles,
         hinge_rates=state.rates,
         loads=loads,
-        slip=np.linalg.norm(sliding[:, :2], axis=1),
-        spin=state.omega[:, 2],
+        slip=np.linalg.norm(slip[:, :2], axis=1),
+        spin=slip[:, 2],
         friction_used=loads.sliding_friction / friction,
         touching=state.centre[:, 2] <= (1 + _LIFTED) * scene.ball.radius,
         sound=sound,

@@ -8,8 +8,8 @@ engine.
 IdealWorld imposes ideal rolling on the engine's mass matrix M and bias h. In world axes
 u = (v of the sphere's centre, ω of the shell, hinge rates). Rolling v = a ω×e_z, the rubber model's
 (ω, e_z) = 0 and prescribed hinge rates are linear in u with constant coefficients: u = S w + s(t),
-where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs no dS/dt. The velocity
-of a turning plane under the ball is added to s.
+where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs no dS/dt. On a
+turning plane, s(t) has the velocity of the plane under the ball.
 """
 
 import os
@@ -162,10 +162,11 @@ class SteppedWorld(World):
             return
         for i in range(count):
             self.control(begin + i * step, step)
-            if self.scene.plane_moves:  # the midpoint value is the step's mean to second order
-                self.set_gravity(self.scene.gravity_at(begin + (i + 0.5) * step))
-            if self.scene.plane_turns:  # a step's velocities belong to its end
-                self.set_turn(float(self.scene.plane_turn.rate(begin + (i + 1) * step)))
+            middle = begin + (i + 0.5) * step  # its values are the step's means to second order
+            if self.scene.plane_moves:
+                self.set_gravity(self.scene.gravity_at(middle))
+            if self.scene.plane_turns:
+                self.set_turn(float(self.scene.plane_turn.rate(middle)))
             take(step)
 
 

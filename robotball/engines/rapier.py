@@ -36,6 +36,8 @@ class _RapierWorld(adapter.ServoWorld):
         self.set_gravity(scene.gravity_at(0.0))
         options = world.integration_parameters
         options.dt = step
+        # A moving floor's contact is as hard as that of a floor at rest, not half as hard.
+        options.contact_softness = options.static_contact_softness
         if settings.substeps is not None:
             options.num_solver_iterations = settings.substeps
         sphere = rapier.Collider.ball(scene.ball.radius).density(0.0)
@@ -92,7 +94,8 @@ class _RapierWorld(adapter.ServoWorld):
 
     def _resist_spin(self) -> None:
         self.shell.reset_torques()
-        self.shell.add_torque((0.0, 0.0, -self.damping * (self.shell.angvel.z - self.floor.angvel.z)))
+        spin = self.shell.angvel.z - self.floor.angvel.z
+        self.shell.add_torque((0.0, 0.0, -self.damping * spin))
 
     def python_seconds(self) -> float:
         torque = adapter.seconds_per_call(self._resist_spin) * self.steps if self.damping else 0.0

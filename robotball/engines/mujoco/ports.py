@@ -199,6 +199,7 @@ class _WarpWorld(adapter.CapturedWorld):
         start, self.friction = self.built.start_data(), self.built.compiled.pair_friction[0, 0]
         # Warp lacks this flag, and does not reset states.
         self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        self.built.compiled.flg_surfacevel = scene.plane_turns  # also if it starts from rest
         self.n = len(scenes) or 1
         with self.warp.ScopedDevice(self.device):
             self.model = mujoco_warp.put_model(self.built.compiled)
@@ -210,6 +211,14 @@ class _WarpWorld(adapter.CapturedWorld):
                 self.data.qpos.assign(qpos.astype(np.float32))
                 self.data.qvel.assign(qvel.astype(np.float32))
         self.launch_of(step)
+
+    def set_gravity(self, gravity: Array) -> None:
+        self.model.opt.gravity.assign(gravity[None].astype(np.float32))
+
+    def set_turn(self, rate: float) -> None:
+        surfaces = self.built.compiled.geom_surfacevel
+        surfaces[self.built.compiled.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, 5] = rate
+        self.model.geom_surfacevel.assign(surfaces[None].astype(np.float32))
 
     def control(self, t: float, step: float) -> None:
         controls = [self._control(hinge, t + step / 2) for hinge in self.built.hinges]
@@ -244,6 +253,13 @@ _SINGLE = replace(
 )  # fmt: skip
 
 
+def _lacks(scene: Scene, settings: _ModelSettings) -> str:
+    # A run in MuJoCo adds it in a callback (`Control._follow`).
+    turning = "its contact lacks the acceleration of a turning plane" if scene.plane_turns else None
+    single = adapter.in_single_precision(scene, settings)
+    return "; ".join(filter(None, (single, turning)))
+
+
 WARP = adapter.Adapter(
     label=Label("MuJoCo Warp", adapter.version_of("mujoco-warp"), "#76B900", ">"),
     packages=("mujoco_warp",),
@@ -254,7 +270,8 @@ WARP = adapter.Adapter(
         _ModelSettings(name="slip", timestep=1e-3, model=_SINGLE, slips=True, **_LOOSE),
     ),
     world=_WarpWorld,
+    moves_plane=True,
     rolls_unbalanced=True,
     resists_spin=True,
-    lacks=adapter.in_single_precision,
+    lacks=_lacks,
 )

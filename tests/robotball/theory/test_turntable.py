@@ -12,7 +12,6 @@ import robotball as rb
 from robotball.design.steering import circle as circle_path
 from robotball.design.steering import steer
 from robotball.dynamics.sections import period_of
-from robotball.engines.engine import OURS, engine_named
 from robotball.engines.mujoco.control import Control
 from robotball.engines.mujoco.mjcf_export import write_model
 from robotball.engines.mujoco.run import exceeded
@@ -241,12 +240,6 @@ def test_a_pyramidal_cone_is_predicted_to_slip_on_a_turntable() -> None:
     assert slip[1:].mean() / 0.2 == pytest.approx(checks["turning_plane"].value, rel=0.2)
     for preset in ("fast", "balanced", "accurate", "efficient", "exact"):
         assert exceeded(scene, rb.preset(preset), times) == {}
-
-
-@pytest.mark.parametrize("name", [name for name in OURS if name not in ("mujoco", "multibody")])
-def test_engines_whose_floor_cannot_turn_refuse_a_turntable(name: str) -> None:
-    why = engine_named(name).cannot_express(rb.load_scene("turntable")) or ""
-    assert unnamed("plane turns", why) == []
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,14 @@ where w is the free part of ω. Projecting M du/dt + h = 0 on S therefore needs 
 turning plane, s(t) has the velocity of the plane under the ball.
 """
 
+import ctypes
 import os
+import shutil
 import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from cProfile import Profile
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,6 +27,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
+from tempfile import NamedTemporaryFile, gettempdir
 from typing import Any, Literal
 
 import numpy as np
@@ -43,7 +47,7 @@ from robotball.theory.dop853 import Compensated, Rate, one_by_one
 _CALLS = 200  # calls or steps without the engine, to time Python's share of a run
 _LAUNCH = 10e-6  # s; a compiled function that takes less is a launch, or part of Python
 _BALL = 1e5  # bytes of a ball in a world; MuJoCo Warp and Newton take 4.3e4 and 4.7e4
-_SHARE = 0.25  # of the memory, for one world
+_SHARE = 0.25  # of the memory and of the disk, for one world
 
 
 class World(ABC):
@@ -432,8 +436,9 @@ class Adapter(Engine):
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
         """Yield the motions of scenes, in one world if only their initial states differ."""
-        abreast = differ_in_start(scenes) and getattr(settings, "device", None) is not None
-        size = _in_memory(len(times) * start_states(scenes[:1]).row.nbytes) if abreast else 1
+        device = getattr(settings, "device", None) if differ_in_start(scenes) else None
+        samples = len(times) * start_states(scenes[:1]).row.nbytes
+        size = 1 if device is None else _most_balls(samples, device)
         for i in range(0, len(scenes), size):
             yield from self._motions(scenes[i : i + size], times, Request(self, settings))
 
@@ -441,20 +446,25 @@ class Adapter(Engine):
         self, scenes: Sequence[Scene], times: Array, request: Request
     ) -> Iterator[ContactMotion]:
         """Yield the motions from one world, here or in the engine's environment."""
-        if self.installed:
-            rows, shared = self._stepped(scenes, times, request)
-        elif python := interpreter_of(self.environments / self.extra, self.requirements):
-            rows, shared = call(python, stepped_by, self.extra, scenes, times, request.settings)
-        else:
-            raise not_installed(self.label.name, self.extra)
-        yield from motions_of(scenes, times, rows, **shared)
+        with NamedTemporaryFile(prefix="robotball-") as file:
+            samples = Path(file.name)
+            if self.installed:
+                shared = self._stepped(scenes, times, request, samples)
+            elif python := interpreter_of(self.environments / self.extra, self.requirements):
+                job = (self.extra, scenes, times, request.settings, samples)
+                shared = call(python, stepped_by, *job)
+            else:
+                raise not_installed(self.label.name, self.extra)
+            rows = rows_in(samples, len(scenes), len(shared["forces"]))
+            yield from motions_of(scenes, times, rows, **shared)
 
     def _stepped(
-        self, scenes: Sequence[Scene], times: Array, request: Request
-    ) -> tuple[Array, dict[str, Any]]:
+        self, scenes: Sequence[Scene], times: Array, request: Request, samples: Path
+    ) -> dict[str, Any]:
         """Step the balls of scenes in one world of the engine that is installed here.
 
-        Returns their State rows (n, k, 13 + 2h), and what `motions_of` needs besides.
+        Writes their states to the file `samples` as they come. Returns what `motions_of` needs
+        besides.
         """
         scene, kind = scenes[0], type(self.presets[self.default])
         settings = under_friction(scene, as_own(request.settings, kind, self.label))
@@ -471,23 +481,24 @@ class Adapter(Engine):
         world = self.world(scene, settings, step, *more)
         # Time the engine's steps only, not the reading of states. A ball's run ends at a state that
         # is not finite.
-        now, spent = start_states(scenes), 0.0
-        rows = np.empty((len(scenes), len(times), now.row.shape[-1]))
-        rows[:, 0] = now.row
+        row, spent = start_states(scenes).row, 0.0
         forces, k = np.full((len(times), 3), UNKNOWN_FORCE), 1
         march = world.march(times, settings.timestep)
-        while k < len(times) and np.isfinite(rows[:, k - 1]).all(axis=1).any():
-            began = world.clock()
-            read = next(march)
-            spent += world.clock() - began
-            rows[:, k] = read().row
-            if not more:  # contact forces are read for a single ball only
-                forces[k] = world.force()
-            k += 1
-            if request.progress is not None:
-                request.progress(times[k - 1] / times[-1])
+        with samples.open("wb") as file:
+            file.write(row.tobytes())
+            while k < len(times) and np.isfinite(row).all(axis=1).any():
+                began = world.clock()
+                read = next(march)
+                spent += world.clock() - began
+                row = np.atleast_2d(read().row)
+                file.write(row.astype(float).tobytes())
+                if not more:  # contact forces are read for a single ball only
+                    forces[k] = world.force()
+                k += 1
+                if request.progress is not None:
+                    request.progress(times[k - 1] / times[-1])
         # An engine may raise an error in a further step from a state that is not finite.
-        sound = np.isfinite(rows[:, k - 1]).all()
+        sound = np.isfinite(row).all()
         shared = {
             "engine": self.label, "settings": settings, "forces": forces[:k],
             "friction": world.friction, "timestep": world.longest, "steps": world.steps,
@@ -495,23 +506,40 @@ class Adapter(Engine):
             "python_seconds": world.python_seconds() / len(scenes) if sound else None,
         }  # fmt: skip
         world.end()
-        return rows[:, :k], shared
+        return shared
 
 
-def _in_memory(samples: int) -> int:
-    """Return how many balls, each with its samples [bytes], go into one world."""
-    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    # Another process pickles the samples: they are three times in memory.
-    return max(1, int(_SHARE * memory / (_BALL + 3 * samples)))
+def rows_in(samples: Path, balls: int, k: int) -> Array:
+    """Return the State rows (balls, k, 13 + 2h) of a file, which are read when they are used."""
+    rows = np.asarray(np.memmap(samples, dtype=float, mode="r"))
+    return rows.reshape(k, balls, -1).swapaxes(0, 1)
+
+
+def _most_balls(samples: int, device: str) -> int:
+    """Return how many balls go into one world on a device, each with its samples [bytes]."""
+    disk = shutil.disk_usage(gettempdir()).free
+    return max(1, int(_SHARE * min(_memory_of(device) / _BALL, disk / samples)))
+
+
+def _memory_of(device: str) -> int:
+    """Return the memory of the first CUDA device, or of this machine [bytes]."""
+    # The engine's package may be in its environment only, so ask the driver. The world refuses a
+    # device that is missing.
+    if device == "cuda":
+        with suppress(OSError):
+            cuda, size = ctypes.CDLL("libcuda.so.1"), ctypes.c_size_t()
+            if cuda.cuInit(0) == 0 == cuda.cuDeviceTotalMem_v2(ctypes.byref(size), 0):
+                return size.value
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def stepped_by(
-    name: str, scenes: Sequence[Scene], times: Array, settings: Any
-) -> tuple[Array, dict[str, Any]]:
+    name: str, scenes: Sequence[Scene], times: Array, settings: Any, samples: Path
+) -> dict[str, Any]:
     """Return the result of an adapter's steps, called in the process of its environment."""
     engine = engine_named(name)
     assert isinstance(engine, Adapter)
-    return engine._stepped(scenes, times, Request(engine, settings))
+    return engine._stepped(scenes, times, Request(engine, settings), samples)
 
 
 def elsewhere(engine: Engine, folder: Path | str) -> Engine:

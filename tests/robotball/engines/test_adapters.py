@@ -7,6 +7,7 @@ run if it is installed.
 import sys
 import time
 import tomllib
+import tracemalloc
 import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -193,7 +194,7 @@ def test_balls_side_by_side_do_not_affect_each_other(
 ) -> None:
     """Batches of two; a ball that diverges does not end the others' runs."""
     times, made = rb.sample_times(2.0, 0.1), list[int]()
-    monkeypatch.setattr(adapter, "_in_memory", lambda samples: 1 + samples // (21 * 17 * 8))
+    monkeypatch.setattr(adapter, "_most_balls", lambda size, device: 1 + size // (21 * 17 * 8))
     settings = Device(name="best", error_tolerance=1e-3, timestep=0.1, device=device)
 
     def world(scene: Scene, settings: Any, step: float, scenes: Sequence[Scene] = ()) -> Abreast:
@@ -210,14 +211,42 @@ def test_balls_side_by_side_do_not_affect_each_other(
     assert aside == pytest.approx([0.0, float(second), 0.0], abs=1e-15)
 
 
-def test_a_world_has_as_many_balls_as_fit_into_a_quarter_of_the_memory(
+def test_a_world_has_as_many_balls_as_fit_into_a_quarter_of_memory_and_disk(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A ball takes 0.1 MB, and its samples three times their size."""
+    """A ball takes 0.1 MB of the processor's or the card's memory; the disk has its samples."""
+    failed = 0
+
+    def card(size: Any, device: int) -> int:
+        size._obj.value = 141 * 10**9
+        return failed
+
+    driver = SimpleNamespace(cuInit=lambda flags: 0, cuDeviceTotalMem_v2=card)
     monkeypatch.setattr("os.sysconf", lambda name: {"SC_PAGE_SIZE": 4096}.get(name, 10**7))
-    assert adapter._in_memory(0) == 102400
-    assert adapter._in_memory(300_000) == 10240
-    assert adapter._in_memory(10**12) == 1
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=10**11))
+    monkeypatch.setattr("ctypes.CDLL", lambda name: driver)
+    assert adapter._most_balls(1, "cpu") == 102400
+    assert adapter._most_balls(1, "cuda") == 352500
+    assert adapter._most_balls(10**6, "cuda") == 25000
+    assert adapter._most_balls(10**12, "cpu") == 1
+    failed = 100
+    assert adapter._most_balls(1, "cuda") == 102400
+    monkeypatch.undo()  # a machine without a driver: the world will refuse the device
+    assert adapter._most_balls(1, "cuda") >= 1
+
+
+def test_the_samples_of_many_balls_are_not_kept_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Measured 4 MB at most, for 64 balls with their readings, of 17 MB of samples."""
+    monkeypatch.setattr(adapter, "_most_balls", lambda size, device: 10**6)
+    settings = Device(name="best", error_tolerance=1e-3, timestep=0.1, device="cpu")
+    engine = replace(spoilt({}), world=lambda scene, _, step, scenes=(): Abreast(scene, scenes))
+    times, starts = rb.sample_times(2.0, 0.1), [FIG12.start] * 6000
+    tracemalloc.start()
+    motion = next(rb.simulate_many(FIG12, starts, times, settings=settings, engine=engine))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(motion.times) == 21
+    assert peak < 21 * 17 * 8 * len(starts) / 2
 
 
 def test_a_cuda_run_uses_the_wall_clock_and_is_refused_without_a_cuda_device() -> None:

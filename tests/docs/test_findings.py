@@ -206,29 +206,39 @@ LONG = pytest.param("mujoco_sysid_contact", marks=pytest.mark.study)
 def test_a_script_prints_its_measured_values(name: str, tmp_path: Path) -> None:
     printed = printed_by(FOLDER / f"{name}.py", tmp_path)
     expected = [line.rsplit(": ", 1) for line in EXPECTED[name].split("; ")]
-    assert printed.keys() >= {label for label, _ in expected}
+    missing = [label for label, _ in expected if label not in printed]
+    assert missing == [], f"{name}.py prints no number for {missing}, only for {[*printed]}"
     for label, bounds in expected:
         low, high = map(float, bounds.split())
-        assert low <= float(printed[label]) <= high, label
+        value = printed[label]
+        assert low <= float(value) <= high, f"{name}.py: {label}: {value}, expected {bounds}"
 
 
 def test_every_script_has_expected_values_and_a_row_on_the_page() -> None:
     """With the script's verdict and reference. It imports nothing of robotball; reports exist."""
     page = (FOLDER.parent / "findings.md").read_text()
     scripts = {file.stem: file.read_text() for file in FOLDER.glob("*.py")}
-    assert scripts.keys() == EXPECTED.keys()
+    assert [n for n in scripts if n not in EXPECTED] == [], "scripts without values in EXPECTED"
+    assert [n for n in EXPECTED if n not in scripts] == [], "values in EXPECTED without a script"
     ours = re.compile(r"^\s*(import|from) (robotball|validation)", re.M)
-    assert {name for name, text in scripts.items() if ours.search(text)} == set()
+    assert [n for n, text in scripts.items() if ours.search(text)] == [], "scripts import robotball"
     rows = r"^\| \[`(\w+)`\]\(findings/\1\.py\) \| .* \| (\w+) \| (.*) \|$"
     linked = {name: (verdict, where) for name, verdict, where in re.findall(rows, page, re.M)}
     for name, text in scripts.items():
-        ((verdict, where),) = re.findall(r'^print\("verdict: (\w+); (.+)"\)$', text, re.M)
-        assert verdict in ("bug", "documented", "open"), name
-        assert linked[name] == (verdict, linked[name][1]), name
-        assert re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", linked[name][1]) == where, name
-        assert {"expected: ", "version: "} <= set(re.findall(r'^print\("(\w+: )', text, re.M)), name
-    reports = {file.stem for file in (FOLDER / "reports").glob("*.md")}
-    assert reports == {name for name in scripts if f"see reports/{name}.md" in scripts[name]}
+        for line in ("expected", "version"):
+            assert f'\nprint("{line}: ' in text, f'{name}.py has no line print("{line}: …")'
+        verdicts = re.findall(r'^print\("verdict: (bug|documented|open); (.+)"\)$', text, re.M)
+        rule = 'print("verdict: bug|documented|open; REFERENCE")'
+        assert len(verdicts) == 1, f"{name}.py needs one line {rule}"
+        row = f"| [`{name}`](findings/{name}.py) | … | verdict | reference |"
+        assert name in linked, f"docs/findings.md has no row {row}"
+        verdict, where = linked[name]
+        on_page = verdict, re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", where)  # without its links
+        assert on_page == verdicts[0], f"{name}.py has another verdict than docs/findings.md"
+    reports = [file.stem for file in (FOLDER / "reports").glob("*.md")]
+    named = [name for name, text in scripts.items() if f"see reports/{name}.md" in text]
+    assert [n for n in named if n not in reports] == [], "verdicts name reports that do not exist"
+    assert [n for n in reports if n not in named] == [], "no verdict names these reports"
 
 
 SLIDE = """<mujoco><option timestep="1e-4" integrator="RK4" gravity="{} 0 0"/><worldbody><body>

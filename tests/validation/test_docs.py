@@ -57,8 +57,8 @@ FIG_10 = stability_limit(rb.load_scene("fig10").parameters)
 SAID = {
     "README.md": [
         f"would take {TIMES} times the processor time of RK4",
-        f"Of {EXTREMES['wrong']} runs that were wrong or broken MuJoCo itself reports 36 %",
-        f"The paper has {MISPRINTS} misprints and omissions, {PROOFS} of them proved",
+        f"{EXTREMES['wrong']} runs were wrong or broke off. MuJoCo itself reports 36 % of them",
+        f"The paper has {MISPRINTS} misprints and omissions; computations prove {PROOFS} of them",
     ],
     "extremes.md": [
         f"{len(MAPS)} maps, both rolling models",
@@ -325,8 +325,9 @@ def test_the_readme_has_the_split_of_the_findings() -> None:
     assert none == "0 %"
     for words in (
         f"{off} off the path of ideal rolling after 2 s",
-        f"rolling needs {needs.replace(', ', ' and ')}, and this alone changes the path by {alone}",
-        f"MuJoCo is {rest} off the path with that friction, and {regular} off for a ball",
+        f"rolling needs {needs.replace(', ', ' and ')}. This lack of friction",
+        f"This lack of friction alone changes the path by {alone}",
+        f"MuJoCo is {rest} off, and it is {regular} off for a ball that needs less friction",
     ):
         assert words in PAGES["README.md"]
     assert f"(*naive*) is {off} off ideal rolling on fig12 after 2 s" in PAGES["findings.md"]

@@ -50,7 +50,7 @@ def test_a_closed_loop_has_the_errors_that_the_page_states(name: str) -> None:
 @pytest.mark.study
 def test_the_best_gain_for_naive_is_not_the_best_for_rolling() -> None:
     """With a gain of 16 the rolling ball misses its point by more than twice as much as with 8."""
-    of_naive, rolling = (numbers(f"misses by, {who}") for who in ("*naive* says", "rolling"))
+    of_naive, rolling = (numbers(f"distance from the point, {m}") for m in ("*naive*", "rolling"))
     scene, distances = LOOPS["stop"], []
     for gain in (8.0, 16.0):
         task = replace(scene.controller.function, roll=gain)

@@ -70,11 +70,11 @@ def numbers_in(value: object, path: str = "") -> Iterator[tuple[str, float]]:
 class _SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
     """Samples in the scene file or in a file of their own."""
 
-    times: Annotated[list[float] | None, key("increasing times, over the whole run", "s")] = None
-    values: Annotated[list[float] | None, key("as many values", COMMAND)] = None
+    times: Annotated[list[float] | None, key("increasing times that cover the run", "s")] = None
+    values: Annotated[list[float] | None, key("a value for each time", COMMAND)] = None
     file: Annotated[
         str | None,
-        key("instead of both: a .csv or .npz file with two named columns, time and value"),
+        key("a .csv or .npz file with two named columns, time and value, instead of both keys"),
     ] = None
 
 
@@ -166,15 +166,15 @@ class HingeTable(Table, frozen=True):
     ] = "prescribed"
     kv: Annotated[float | None, key("gain: torque per error of the rate", "N m s/rad")] = None
     kp: Annotated[float | None, key("gain: torque per error of the angle", "N m/rad")] = None
-    kd: Annotated[float | None, key("gain: torque per rate, against it", "N m s/rad")] = None
+    kd: Annotated[float | None, key("gain: torque against the rate, per rate", "N m s/rad")] = None
     stall_torque: Annotated[float | None, key("stall torque before the gear", "N m")] = None
     no_load_speed: Annotated[float | None, key("no-load speed before the gear", "rad/s")] = None
-    gear: Annotated[float | None, key("gear ratio, motor to hinge; default: 1")] = None
+    gear: Annotated[float | None, key("motor turns per hinge turn; default: 1")] = None
     rotor_inertia: Annotated[float | None, key("inertia of the motor's rotor", "kg m²")] = None
     torque_limit: Annotated[float | None, key("largest torque of the motor", "N m")] = None
     efficiency: Annotated[float | None, key("efficiency of the gear; default: 1")] = None
-    no_load_current: Annotated[float | None, key("no-load current; gives friction", "A")] = None
-    stall_current: Annotated[float | None, key("needed with no_load_current", "A")] = None
+    no_load_current: Annotated[float | None, key("no-load current; adds friction", "A")] = None
+    stall_current: Annotated[float | None, key("required with `no_load_current`", "A")] = None
     damping: Annotated[float | None, key("viscous damping", "N m s/rad")] = None
     stiffness: Annotated[float | None, key("stiffness of a spring", "N m/rad")] = None
     rest: Annotated[float | None, key("rest angle of the spring", "rad")] = None
@@ -199,15 +199,15 @@ class HingeTable(Table, frozen=True):
 _Name = Annotated[str | None, key("one word, the name of the part in `fit`")]
 _Mass = Annotated[_Positive, key("mass", "kg")]
 _Place = Annotated[_Triple, key("centre, from the centre of the sphere", "m")]
-_Axis = Annotated[_Triple | None, key("default: the axis of the shell or rotor, or z")]
+_Axis = Annotated[_Triple | None, key("axis; default: the axis of the shell or rotor, or z")]
 
 
 class _Matter(Table, frozen=True):
     """The mass of a body, or its density or material."""
 
-    mass: Annotated[_Positive | None, key("mass; or a density, or a material", "kg")] = None
-    density: Annotated[_Positive | None, key("instead of the mass", "kg/m³")] = None
-    material: Annotated[str | None, key("instead of the density, see Materials")] = None
+    mass: Annotated[_Positive | None, key("mass; or give a density or material", "kg")] = None
+    density: Annotated[_Positive | None, key("density, instead of the mass", "kg/m³")] = None
+    material: Annotated[str | None, key("material (see below), instead of the density")] = None
 
     def __post_init__(self) -> None:
         if len(ways := self.given(*_MASS_KEYS)) > 1:
@@ -230,8 +230,8 @@ class _Matter(Table, frozen=True):
 class _Round(_Matter, frozen=True):
     """A round body with an outer radius or diameter."""
 
-    radius: Annotated[_Positive | None, key("outer radius; or a diameter", "m")] = None
-    diameter: Annotated[_Positive | None, key("instead of the radius", "m")] = None
+    radius: Annotated[_Positive | None, key("outer radius; or give a diameter", "m")] = None
+    diameter: Annotated[_Positive | None, key("diameter, instead of the radius", "m")] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -271,7 +271,7 @@ class Point(Table, frozen=True, kw_only=True, tag_field="kind", tag="point"):
 class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
     """A ball, solid or hollow."""
 
-    thickness: Annotated[_Positive | None, key("of the wall; default: solid", "m")] = None
+    thickness: Annotated[_Positive | None, key("thickness of the wall; default: solid", "m")] = None
     centre: _Place = _ORIGIN
     name: _Name = None
 
@@ -295,7 +295,7 @@ class Cylinder(_Bored, frozen=True, kw_only=True, tag_field="kind", tag="cylinde
 class Disc(_Bored, frozen=True, tag_field="kind", tag="disc"):
     """A round plate, with or without a round hole."""
 
-    thickness: Annotated[_NotNegative, key("along the axis; required with a density", "m")] = 0.0
+    thickness: Annotated[_NotNegative, key("thickness; required with a density", "m")] = 0.0
     name: _Name = None
 
 
@@ -325,8 +325,8 @@ class _BodyFile(Table, frozen=True):
     """A body in a model file, and its pose in the ball."""
 
     file: Annotated[str, key("path, relative to the folder of the scene")]
-    origin: Annotated[_Triple, key("its origin, from the centre of the sphere", "m")] = _ORIGIN
-    attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) that rotates its axes")] = _UPRIGHT
+    origin: Annotated[_Triple, key("body origin, from the sphere's centre", "m")] = _ORIGIN
+    attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) that rotates the body")] = _UPRIGHT
 
 
 class _MjcfTable(_BodyFile, frozen=True, kw_only=True):
@@ -343,7 +343,7 @@ class UrdfTable(_BodyFile, frozen=True, kw_only=True):
 
 Rows = list[float | _Triple]  # three moments or three rows: msgspec has no union of two lists
 _Tensor = Annotated[
-    Rows | None, key("about the centre of mass: 3 moments, or 3 rows of 3", "kg m²")
+    Rows | None, key("inertia about the centre of mass: 3 moments, or 3 rows of 3", "kg m²")
 ]
 
 
@@ -360,9 +360,9 @@ class ShellTable(_Round, frozen=True):
     thickness: Annotated[_Positive | None, key("thickness of the uniform wall", "m")] = None
     inertia: Annotated[
         Literal["thin"] | Axial | None,
-        key('of the wall, instead of the thickness: `"thin"`, or two moments'),
+        key('inertia of the wall, instead of the thickness: `"thin"`, or two moments'),
     ] = None
-    axis: Annotated[_Triple, key("axis of the frame's hinge; of any length")] = (0.0, 0.0, 1.0)
+    axis: Annotated[_Triple, key("axis of the frame's hinge, of any length")] = (0.0, 0.0, 1.0)
     offset: Annotated[float, key("centre of mass of the wall, along `axis`", "m")] = 0.0
     part: Annotated[list[Part] | None, key("parts fixed to the wall")] = None
     mjcf: Annotated[_MjcfTable | None, key("the whole shell from an MJCF file")] = None
@@ -406,7 +406,7 @@ class _BodyTable(HingeTable, frozen=True):
     """A body on a hinge, without its inertia and the axis of the hinge."""
 
     mass: Annotated[float | None, key("mass", "kg")] = None
-    centre: Annotated[_Triple | None, key("centre of mass; default: of the sphere", "m")] = None
+    centre: Annotated[_Triple | None, key("centre of mass; default: the origin", "m")] = None
     part: Annotated[list[Part] | None, key("parts of the body")] = None
     mjcf: Annotated[_MjcfTable | None, key("a body of an MJCF file")] = None
     urdf: Annotated[UrdfTable | None, key("a link of a URDF file")] = None
@@ -439,7 +439,7 @@ class FrameTable(_BodyTable, frozen=True):
 class RotorTable(_BodyTable, frozen=True, kw_only=True):
     """A symmetric body that turns on the frame about its symmetry axis."""
 
-    inertia: Annotated[Axial | None, key("two moments")] = None
+    inertia: Annotated[Axial | None, key("two moments: axial and transverse")] = None
     axis: Annotated[_Triple, key("symmetry axis, of any length")]
 
 
@@ -454,16 +454,16 @@ class PendulumTable(_BodyTable, frozen=True, kw_only=True):
 class FrictionTable(Table, frozen=True):
     """Friction of the plane against the shell."""
 
-    sliding: Annotated[float | None, key("friction coefficient; default: no limit")] = None
-    torsional: Annotated[float | None, key("the same for the vertical torque", "m")] = None
-    rolling: Annotated[float, key("resisting torque over the normal force", "m")] = 0.0
+    sliding: Annotated[float | None, key("sliding coefficient; default: no limit")] = None
+    torsional: Annotated[float | None, key("torsional coefficient; default: no limit", "m")] = None
+    rolling: Annotated[float, key("resisting torque per normal force", "m")] = 0.0
 
 
 class PlaneTable(Table, frozen=True):
     """The motion of the plane."""
 
     motion: Annotated[_Three, key("acceleration along X, Y and Z of the world", "m/s²")] = _ORIGIN
-    rotation: Annotated[Command, key("rate about Z at the origin", "rad/s")] = 0.0
+    rotation: Annotated[Command, key("rate about the world's Z axis", "rad/s")] = 0.0
 
 
 class _NumbersTable(Table, frozen=True):
@@ -473,17 +473,17 @@ class _NumbersTable(Table, frozen=True):
     A: Annotated[Rows, key("A: diagonal, or three rows", "1/(kg m²)")]
     K: Annotated[_Triple, key("K, in the same axes", "kg m²/s")]
     Omega: Annotated[_Triple, key("Ω, in the same axes", "rad/s")]
-    mass: Annotated[float | None, key("mass of the ball; else chosen", "kg")] = None
+    mass: Annotated[float | None, key("mass of the ball; default: chosen by `design`", "kg")] = None
 
 
 class _SectionTable(Table, frozen=True):
     """The section's coordinates (5.5), in the principal axes of the ball's inertia."""
 
-    L: Annotated[float, key("M along the third axis", "kg m²/s")]
-    l: Annotated[float, key("angle of M about it", "rad")]
+    L: Annotated[float, key("component of M along the third principal axis", "kg m²/s")]
+    l: Annotated[float, key("angle of M about the third principal axis", "rad")]
     g: Annotated[float, key("angle of γ about M", "rad")]
-    f: Annotated[float, key("M²", "(kg m²/s)²")]
-    c: Annotated[float, key("(M, γ); 0 in the rubber model", "kg m²/s")] = 0.0
+    f: Annotated[float, key("square of M", "(kg m²/s)²")]
+    c: Annotated[float, key("scalar product of M and γ; 0 in the rubber model", "kg m²/s")] = 0.0
 
 
 class StartTable(Table, frozen=True):
@@ -492,11 +492,11 @@ class StartTable(Table, frozen=True):
     attitude: Annotated[_Quadruple | None, key("quaternion (w, x, y, z), frame to world")] = None
     gamma: Annotated[_Triple | None, key("upward vertical in frame axes, of length 1")] = None
     alpha: Annotated[_Triple | None, key("X of the world in frame axes, of length 1")] = None
-    angular_velocity: Annotated[_Triple | None, key("ω of the frame, in its axes", "rad/s")] = None
+    angular_velocity: Annotated[_Triple | None, key("ω of the frame in frame axes", "rad/s")] = None
     momentum: Annotated[_Triple | None, key("M in frame axes", "kg m²/s")] = None
     momentum_world: Annotated[_Triple | None, key("M in world axes", "kg m²/s")] = None
     rest: Annotated[bool, key("`true`: M = 0, and hinges that turn also turn the ball")] = False
-    section: Annotated[_SectionTable | None, key("the paper's section coordinates")] = None
+    section: Annotated[_SectionTable | None, key("the section coordinates of the paper")] = None
     slip: Annotated[
         tuple[float, float],
         key("velocity of the shell at the contact, along X and Y; needs friction", "m/s"),
@@ -515,15 +515,15 @@ class SceneTable(Table, frozen=True, kw_only=True):
     duration: Annotated[float, key("duration of the motion", "s")]
     gravity: Annotated[float, key("acceleration of free fall", "m/s²")] = GRAVITY
     gravity_direction: Annotated[
-        _Triple, key("of any length; `[tan(slope), 0, -1]` slopes down towards X")
+        _Triple, key("vector of any length; `[tan(slope), 0, -1]`: the plane slopes down towards X")
     ] = DOWN
     friction: Annotated[FrictionTable, key("friction of the plane")] = FrictionTable()
     plane: Annotated[PlaneTable, key("motion of the plane")] = PlaneTable()
-    shell: Annotated[ShellTable | None, key("the sphere that rolls")] = None
-    frame: Annotated[FrameTable | None, key("the body that turns in the shell")] = None
-    rotor: Annotated[tuple[RotorTable, ...], key("`[[rotor]]`, any number of them")] = ()
-    pendulum: Annotated[tuple[PendulumTable, ...], key("`[[pendulum]]`, any number of them")] = ()
-    numbers: Annotated[_NumbersTable | None, key("instead of bodies")] = None
+    shell: Annotated[ShellTable | None, key("rolling sphere; required without `numbers`")] = None
+    frame: Annotated[FrameTable | None, key("body in the shell; required without `numbers`")] = None
+    rotor: Annotated[tuple[RotorTable, ...], key("any number of `[[rotor]]` tables")] = ()
+    pendulum: Annotated[tuple[PendulumTable, ...], key("any number of `[[pendulum]]` tables")] = ()
+    numbers: Annotated[_NumbersTable | None, key("`[numbers]`, instead of bodies")] = None
     start: Annotated[StartTable, key("initial state")]
 
 

@@ -45,12 +45,12 @@ class RobotTable(Table, frozen=True, kw_only=True):
 
     robot: Annotated[str, key("MJCF or URDF file, relative to the folder of the scene")]
     title: Annotated[str | None, key("one line, for tables and plots")] = None
-    rolling: Annotated[Rolling | None, key("`rubber` or `classical`; else from the condim")] = None
-    shell: Annotated[str | None, key("the body or geom that rolls, if several could")] = None
-    keyframe: Annotated[str | None, key("initial keyframe; else the first")] = None
-    duration: Annotated[float | None, key("default: 10, or the length of samples", "s")] = None
+    rolling: Annotated[Rolling | None, key("`rubber` or `classical`; default: by condim")] = None
+    shell: Annotated[str | None, key("body or geom that rolls, if several could")] = None
+    keyframe: Annotated[str | None, key("initial keyframe; default: the first")] = None
+    duration: Annotated[float | None, key("default: 10, or the duration of samples", "s")] = None
     controls: Annotated[
-        dict[str, Command] | None, key("`[controls]`, by actuator, instead of the keyframe's")
+        dict[str, Command] | None, key("`[controls]`, by actuator; default: from the keyframe")
     ] = None
 
 

@@ -111,8 +111,8 @@ def too_many_steps(taken: int, reached: float, end: float, speed: float) -> Inpu
     """
     needed = f"about {taken * end / reached:.2g}" if reached > 0 else "infinitely many"
     return InputError(
-        f"{taken} steps reach t = {reached:.4g} s of {end:g}: the ball turns at {speed:.3g} rad/s. "
-        f"The whole run needs {needed} steps: shorten it or raise max_steps"
+        f"{taken} steps reach only t = {reached:.4g} s of {end:g} s, because the ball turns at "
+        f"{speed:.3g} rad/s. The whole run needs {needed} steps: shorten it or raise max_steps"
     )
 
 

@@ -110,7 +110,7 @@ def parse(arguments: Sequence[str]) -> tuple[Any, BoundArguments]:
     # Without a command cyclopts shows the help, as if that had been asked for.
     if {"--help", "-h"}.isdisjoint(words):
         name = " ".join(["robotball", *words])
-        raise InputError(f"which command? '{name} --help' lists them")
+        raise InputError(f"name a command; '{name} --help' lists the commands")
     # The help needs the docstrings of the commands, so import their modules.
     app.parse_commands(bound.arguments["tokens"])[1][-1].resolved_commands()
     command(*bound.args, **bound.kwargs)
@@ -165,13 +165,13 @@ def _words_of(error: CycloptsError) -> str:
         case CoercionError(token=token, target_type=kind) if token and kind in _KINDS:
             return f"{token.keyword} takes {_KINDS[kind]}, not {token.value!r}"
         case MissingArgumentError(argument=argument, keyword=None) if argument:
-            return f"{command} needs {argument.name}; {more} explains it"
+            return f"{command} needs {argument.name}; {more} explains this argument"
         case MissingArgumentError(keyword=option):
-            return f"{option} needs a value; {more} says which"
+            return f"{option} needs a value; {more} lists the values"
         case RepeatArgumentError(token=token):
-            return f"{token.keyword} is given more than once; give it once"
+            return f"{token.keyword} is given more than once; give this option once"
         case UnusedCliTokensError(unused_tokens=[first, *_]):
-            return f"{command} does not take {first!r}; {more} lists its options"
+            return f"{command} does not take {first!r}; {more} lists the options"
         case UnknownCommandError(unused_tokens=[name, *_], app=app) if app:
             for family, (_, members) in FAMILIES.items():
                 if any(member.endswith(f":{name}") for member in members.split()):
@@ -203,7 +203,7 @@ def _standard_output_of(options: Mapping[str, Any]) -> Iterator[None]:
     files = (options[name] for name in ("json", "csv") if options.get(name) is not None)
     count = [*map(writable_file, files)].count(STANDARD_OUTPUT)
     if count > 1:
-        raise InputError("standard output takes one result: give `-` to one option alone")
+        raise InputError("standard output takes only one result: give `-` to only one option")
     # Else the tables would stand in the middle of the JSON that is piped on.
     with contextlib.redirect_stdout(sys.stderr) if count else contextlib.nullcontext():
         yield
@@ -213,14 +213,14 @@ def _refusal(error: Exception) -> str | None:
     """Return a line for bad input or a refusal of the system; None for an error of our own."""
     match error:
         case UnitWarning():
-            return f"{error} ({_AS_GIVEN} takes it as it is written)"
+            return f"{error} ({_AS_GIVEN} keeps the number as it is written)"
         case InputError():
             return str(error)
         case OSError():
             what = f"{error.filename}: " if error.filename else ""
             return f"{what}{error.strerror or error}"
         case MemoryError():
-            return "there is not enough memory for this; ask for less"
+            return "there is not enough memory for this command; ask for fewer or shorter runs"
         case AttributeError() | RuntimeError() | ImportError():
             from robotball.view.gl import advice, ended_import
 

@@ -132,6 +132,6 @@ def motions_of(agreements: Sequence[Agreement], kind: str) -> list[Motion]:
     """
     for run in agreements:
         if len(run.motion.times) < 2:
-            ended = f"its motion ended at t = {run.end:g} s: {run.verdict}"
+            ended = f"the run ended at t = {run.end:g} s: {run.verdict}"
             raise InputError(f"{run.scene.name}: no {kind}, because {ended}")
     return [*(run.motion for run in agreements), agreements[0].theory]

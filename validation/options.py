@@ -61,18 +61,18 @@ _COUNT = Parameter(converter=_whole, metavar="N")
 _SCENE = "A name from the catalog, or a path to a TOML, MJCF or URDF file."
 _DURATION = "Simulated time. Default: the scene's own duration."
 _CONTROL = (
-    "Control of an actuator of a robot's own file: a number, or a table (.csv, .npz) of time and "
-    "value. It replaces the control in the file. Give it once for each actuator."
+    "Control of an actuator in a robot file: a number, or a table (.csv, .npz) of time and value. "
+    "It replaces the control in the robot file. Repeat the option for each actuator."
 )
 _FRICTION = (
     "Friction of the plane: the sliding coefficient, and after a comma the torsional one in "
-    "metres. The ball slips if it needs more. Default: as in the scene, mostly without a limit."
+    "metres. The ball slips if rolling needs more. Default: the scene's own, mostly no limit."
 )
 _MAP = (
-    "Name of a column, by its title in the file or the end of this, as "
-    'roll_joint.position=frame_angle or "px=x [mm]". Give it once for each column.'
+    "Meaning of a column, for its title in the file or the end of that title, such as "
+    'roll_joint.position=frame_angle or "px=x [mm]". Repeat the option for each column.'
 )
-_THREADS = "Cores to use. Default: all that are available. The results do not depend on it."
+_THREADS = "Number of cores. Default: all. The results do not depend on this number."
 _PLACE = "Folder of the engines' environments. Default: that of 'robotball engines --install'."
 
 SceneName = Annotated[str, Parameter(help=_SCENE)]
@@ -104,7 +104,7 @@ class Sweep:
     quick: bool = False
     """Run a coarse form of the study, in under a minute."""
     out: Annotated[Path, Parameter(metavar="DIR")] = OUT
-    """Folder for the results. A study that was interrupted continues there."""
+    """Folder for the results. An interrupted study continues with the results in this folder."""
     json: JsonFile = None
 
     def results(
@@ -146,8 +146,8 @@ class Run:
     """Options of a run with an engine."""
 
     preset: Names = ()
-    """Settings of the engine, one run for each: naive, fast, balanced (the default), accurate,
-    efficient, exact. Give several as naive,fast. Other engines have other presets."""
+    """Settings of the engine: naive, fast, balanced (the default), accurate, efficient or exact.
+    Several, as naive,fast, give a run each. Other engines have other presets."""
     control: Controls = ()
     controller: Annotated[str | None, Parameter(metavar="FILE.py:NAME")] = None
     """A controller (rb.Controller) in a Python file. The file is run, and the controller commands
@@ -156,12 +156,12 @@ class Run:
     engine: Annotated[str, Parameter(metavar="ENGINE")] = "mujoco"
     """The engine; 'robotball engines' lists them."""
     accuracy: Annotated[float | None, Parameter(metavar="ERROR")] = None
-    """Largest path error, relative to the path length. Settings that reach it are chosen in place
-    of a preset."""
+    """Largest path error, relative to the path length. Replaces the preset with settings that reach
+    this error."""
     duration: Duration = None
     out: Out = OUT
     strict: bool = False
-    """Refuse settings that are predicted to fail, instead of a warning."""
+    """Refuse settings that are predicted to fail, instead of warning of them."""
     keep_going: bool = False
     """Continue the run after a fault, as long as the state is finite."""
     environments: Environments = None
@@ -215,7 +215,7 @@ class Once:
 
     duration: Duration = None
     quick: bool = False
-    """Simulate one second with fewer variants, in a few seconds."""
+    """Run a coarse form of the study: one simulated second, and fewer variants."""
     out: Out = OUT
     json: JsonFile = None
     csv: CsvFile = None
@@ -280,7 +280,7 @@ def span_of(text: str) -> tuple[str, float, float]:
     except ValueError:
         low = high = math.nan
     if not 0 < abs(high - low) < math.inf:
-        raise InputError(f"--over takes NAME=FROM:TO, two different numbers, not {text!r}")
+        raise InputError(f"--over takes a range NAME=FROM:TO, such as Omega=0:1, not {text!r}")
     return name, low, high
 
 

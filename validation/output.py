@@ -193,7 +193,7 @@ def writable_folder(path: Path) -> Path:
     folder behind. Raises InputError if the folder cannot be written.
     """
     if path == STANDARD_OUTPUT:
-        raise InputError("the output folder cannot be `-`, which is standard output: give a folder")
+        raise InputError("--out takes a folder, not `-`, which means standard output")
     try:
         # Permissions alone do not show whether a folder can be created.
         created = [folder for folder in (path, *path.parents) if not folder.exists()]
@@ -264,7 +264,7 @@ def pairs_of(form: str, texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         name, _, value = text.partition("=")
         if not name or not value or name in pairs:
-            raise InputError(f"{form}, once for each name, not {text!r}")
+            raise InputError(f"{form}, only once for each name, not {text!r}")
         pairs[name] = value
     return pairs
 

@@ -124,8 +124,8 @@ def _friction_of(words: Sequence[str], scene: Scene) -> Friction:
         (torsional,) = others or (None,)
     except ValueError:  # also of more than two numbers
         raise InputError(
-            "--friction takes the sliding coefficient, or SLIDING,TORSIONAL with the torsional one "
-            f"in metres, not {','.join(words)!r}"
+            "--friction takes SLIDING, or SLIDING,TORSIONAL with the torsional coefficient in "
+            f"metres, not {','.join(words)!r}"
         ) from None
     return replace(scene.friction, sliding=sliding, torsional=torsional)
 

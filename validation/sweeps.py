@@ -237,7 +237,7 @@ def _refusals(path: Path) -> Iterator[None]:
         yield
     except BlockingIOError:
         raise InputError(
-            f"{path} is being written by another sweep: wait for it, or {_ELSEWHERE}"
+            f"another sweep is writing {path}: wait until it ends, or {_ELSEWHERE}"
         ) from None
     except OSError as error:
         raise InputError(f"{path} cannot be used: {error.strerror or error}") from None
@@ -275,7 +275,7 @@ def _write(file: BinaryIO, line: str) -> None:
 
 
 def _check_header(line: bytes, ours: dict[str, Any], path: Path) -> None:
-    with readable(f"{path} is not the journal of a sweep: move it, or {_ELSEWHERE}"):
+    with readable(f"{path} is not the journal of a sweep: move the file, or {_ELSEWHERE}"):
         theirs = json.loads(line)
         work, made_by = theirs["work"], dict(theirs["versions"])
     if work != ours["work"]:
@@ -285,8 +285,8 @@ def _check_header(line: bytes, ours: dict[str, Any], path: Path) -> None:
     for part, version in ours["versions"].items():
         if made_by.get(part) != version:
             raise InputError(
-                f"{path} was made with {part} {made_by.get(part)}, but this is {version}: results "
-                f"of both would be mixed; delete it, or {_ELSEWHERE}"
+                f"{path} was made with {part} {made_by.get(part)}, but now {version} is used, and "
+                f"results would be mixed: delete the file, or {_ELSEWHERE}"
             )
 
 

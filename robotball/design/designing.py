@@ -160,7 +160,7 @@ class Design:
         boundary = "the frame's radius" if inside else "the shell"
         return (
             f"can be simulated, but not built: mass would lie outside {boundary}: the frame needs "
-            f"a radius of {self.needed_radius:.4g} m (here {self.reach:.4g} m), "
+            f"a radius of {self.needed_radius:.4g} m (here {self.reach:.4g} m), but only "
             f"{self.allowed_radius:.4g} m is allowed"
         )
 
@@ -312,12 +312,12 @@ def _symmetric_positive(A: ArrayLike) -> Array:
     if matrix.shape == (3,):
         matrix = np.diag(matrix)
     if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)):
-        raise InputError(f"A must be 3 or 3 x 3 finite numbers, not {np.asarray(A).tolist()}")
+        raise InputError(f"A must be 3 or 3 x 3 finite numbers; it is {np.asarray(A).tolist()}")
     if np.abs(matrix - matrix.T).max() > ROUNDING * np.abs(matrix).max():
-        raise InputError(f"A must be symmetric, not {matrix.tolist()}")
+        raise InputError(f"A must be symmetric; it is {matrix.tolist()}")
     least = float(np.linalg.eigvalsh(matrix)[0])
     if not least > 0:
-        raise InputError(f"A must be positive: its least eigenvalue is {least:.6g} 1/(kg m²)")
+        raise InputError(f"A must have positive eigenvalues; the least is {least:.6g} 1/(kg m²)")
     # The values must also be moderate, so that products of a few do not overflow.
     for value in (least, float(np.abs(matrix).max())):
         check_positive("A", value, "1/(kg m²)")
@@ -348,24 +348,24 @@ def _check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limit
     if not most * radius**2 > _LEAST_MARGIN * b.sum():
         raise InputError(
             f"triangle inequality: the largest eigenvalue of 1/A, {b[2]:.6g} kg m², must be less "
-            f"than the sum of the others, {b[0] + b[1]:.6g} kg m²; it is "
-            f"{b[2] - b[0] - b[1]:.6g} kg m² too large, whatever the mass"
+            f"than the sum of the two others, {b[0] + b[1]:.6g} kg m²; for any mass it is "
+            f"{b[2] - b[0] - b[1]:.6g} kg m² too large"
         )
     if mass is not None and not mass < most:
         moment, excess = b[0] - mass * radius**2, mass - most
         fault = (
-            f"triangle inequality: 1/A - m a² breaks it by {excess * radius**2:.6g} kg m²"
+            f"triangle inequality: 1/A - m a² violates it by {excess * radius**2:.6g} kg m²"
             if moment > 0
             else f"inertia not positive: 1/A - m a² has the principal moment {moment:.6g} kg m²"
         )
         raise InputError(
-            f"{fault} at m = {mass:.6g} kg; m must be less than {most:.6g} kg, {excess:.6g} kg less"
+            f"{fault} at m = {mass:.6g} kg; m must be below {most:.6g} kg: {excess:.6g} kg too much"
         )
     heaviest = most if mass is None else mass
     if limits.buildable and not heaviest > least:
         at_most = "at most " if mass is None else ""
         raise InputError(
-            f"mass inside the shell: m must be at least tr(1/A)/(5 a²) = {least:.6g} kg, but is "
+            f"mass inside the shell: m must be at least tr(1/A)/(5 a²) = {least:.6g} kg, but m is "
             f"{at_most}{heaviest:.6g} kg: {least - heaviest:.6g} kg too little"
         )
 
@@ -445,17 +445,17 @@ def _check_least_masses(request: _DesignRequest) -> None:
     least = request.shell + request.frame + rotors
     if request.d is not None and not least < request.d:
         raise InputError(
-            f"masses: the least masses of shell, frame and rotor add up to {least * unit:.6g} kg, "
-            f"and the ball is to have {request.d * unit:.6g} kg: "
-            f"{(least - request.d) * unit:.6g} kg too much"
+            "masses: the minimum masses of shell, frame and rotor add up to "
+            f"{least * unit:.6g} kg, {(least - request.d) * unit:.6g} kg more than the ball's mass "
+            f"of {request.d * unit:.6g} kg"
         )
     J_s = request.shell_factor * request.shell
     s = J_s + (least if request.d is None else request.d)
     if not s < request.largest_s:
         raise InputError(
-            f"masses: with the least masses of shell, frame and rotor, {least * unit:.6g} kg, "
-            f"m + J_s/a² is at least {s * unit:.6g} kg; for the triangle inequality of the frame "
-            f"it must be less than {request.largest_s * unit:.6g} kg: "
+            "masses: the minimum masses of shell, frame and rotor add up to "
+            f"{least * unit:.6g} kg, so m + J_s/a² is at least {s * unit:.6g} kg; the frame's "
+            f"triangle inequality allows less than {request.largest_s * unit:.6g} kg: "
             f"{(s - request.largest_s) * unit:.6g} kg too much"
         )
 
@@ -622,20 +622,20 @@ def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputErr
     if _largest_margin(any_speed, within) > _LEAST_MARGIN:
         needed = _least(lambda w: _largest_margin(replace(request, speed=w), within), request.speed)
         return InputError(
-            f"rotor speed: the momentum K + (J_s + d)Ω needs {needed:.4g} rad/s, at most "
-            f"{request.speed:.6g} rad/s is allowed: {needed - request.speed:.4g} rad/s more"
+            f"rotor speed: the momentum K + (J_s + d)Ω needs {needed:.4g} rad/s, which exceeds the "
+            f"limit of {request.speed:.6g} rad/s by {needed - request.speed:.4g} rad/s"
         )
     if limits.buildable and _largest_margin(any_speed, math.inf) > _LEAST_MARGIN:
         needed = radius * _least_frame_radius(any_speed)
         allowed = radius * request.frame_radius
         return InputError(
-            f"mass inside the shell: the frame needs a radius of {needed:.4g} m, at most "
-            f"{allowed:.6g} m is allowed: {needed - allowed:.4g} m more"
+            f"mass inside the shell: the frame needs a radius of {needed:.4g} m, which exceeds the "
+            f"limit of {allowed:.6g} m by {needed - allowed:.4g} m"
         )
     margin, least = request.unit * _largest_margin(any_speed, within), request.unit * _LEAST_MARGIN
     return InputError(
-        f"masses: inertia and least masses leave a margin of {margin:.3g} kg, below the "
-        f"{least:.3g} kg needed because of rounding"
+        f"masses: only {margin:.3g} kg are left after the minimum masses; rounding needs "
+        f"{least:.3g} kg"
     )
 
 

@@ -99,7 +99,7 @@ def through(points: Sequence[Sequence[float]]) -> WantedPath:
     """Return a smooth curve from the origin through points (n, 2) [m]."""
     corners = np.array([(0.0, 0.0), *points], dtype=float)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 2:
-        raise InputError("waypoints must be one or more pairs X,Y")
+        raise InputError("waypoints must be one or more pairs X,Y [m]")
     for number in corners.ravel().tolist():
         check_size("a waypoint", number, "m")
     apart = np.linalg.norm(np.diff(corners, axis=0), axis=1)
@@ -137,8 +137,8 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     # Hinges with neither rate nor motor are fixed; free ones cannot be driven.
     driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
     if driven.sum() < 2:
-        line = f"{driven.sum()} driven hinges of two; give more hinges a rate or a motor"
-        raise InputError(f"{scene.name}: {line}")
+        line = f"has {driven.sum()} driven hinges and needs two; give more hinges a rate or a motor"
+        raise InputError(f"{scene.name} {line}")
     way = _Way(scene, path, duration, driven)
     times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
@@ -187,19 +187,20 @@ def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> li
         torque = float(np.abs(loads.motor_torques[:, i]).max())
         limit = hinge.motor.law.limit if hinge.motor else math.inf
         if torque > limit:
-            lines.append(f"{hinge.name} needs {torque:.3g} N m; its motor gives {limit:g} N m")
+            lines.append(f"{hinge.name} needs {torque:.3g} N m; its motor gives only {limit:g} N m")
         rate = float(np.abs(motion.hinge_rates[:, i]).max())
         if rate > rate_limit:
-            lines.append(f"{hinge.name} turns at {rate:.3g} rad/s, of at most {rate_limit:g} rad/s")
+            lines.append(f"{hinge.name} turns at {rate:.3g} rad/s, above {rate_limit:g} rad/s")
     if slipping := getattr(motion, "slipping", ()):
         lines.append(f"slips from t = {slipping[0][0]:.3g} s: give the plane more friction")
     friction = robot.friction
     sliding = float(loads.sliding_friction.max())
     if friction.sliding is not None and sliding > friction.sliding:
-        lines.append(f"slips: needs a sliding friction of {sliding:.3g}, has {friction.sliding:g}")
+        has = f"but friction.sliding is {friction.sliding:g}"
+        lines.append(f"slips: needs a sliding friction of {sliding:.3g}, {has}")
     torsional = float(loads.torsional_friction.max())
     if friction.torsional is not None and torsional > friction.torsional:
-        has = f"has {friction.torsional:g} m"
+        has = f"but friction.torsional is {friction.torsional:g} m"
         lines.append(f"spins: needs a torsional friction of {torsional:.3g} m, {has}")
     return lines
 
@@ -325,7 +326,7 @@ def _forward(way: _Way, times: Array) -> Array:
 
 
 def _no_drives(way: _Way) -> InputError:
-    line = "no drives roll it along this path; increase the duration or choose gentler turns"
+    line = "no drives roll the ball along this path; increase the duration or choose gentler turns"
     return InputError(f"{way.scene.name}: {line}")
 
 

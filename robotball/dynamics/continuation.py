@@ -249,7 +249,7 @@ def half(
         if bent:
             step /= 2
             if step < _LEAST_STEP:
-                return points, "Newton's method converges no further"
+                return points, "Newton's method fails beyond"
             continue
         # A cycle that shrinks to a point re-emerges shifted by half a period.
         if not last.kind and (problem.rows(last.x) * problem.rows(new.x)).sum() < 0:
@@ -291,7 +291,7 @@ def corrected(problem: Problem, x: Array, across: Array | None = None) -> Point:
         if size > _DIVERGES * last:
             break
         last = size
-    raise InputError(f"no branch found near the start: Newton's method stopped at {size:.1e}")
+    raise InputError(f"no branch found near the start: Newton's method stopped {size:.1e} away")
 
 
 def reached(

@@ -145,14 +145,14 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     _check_rubber(parameters)
     parameters = _without_rounding(parameters)
     if not np.any([parameters.Omega, parameters.K]):
-        raise InputError("with Omega = 0 and K = 0 the ball rests at every gamma")
+        raise InputError("no isolated fixed points: the ball rests at every gamma if Omega = K = 0")
     if not np.any(parameters.K):
         isolated = closed_form_points(parameters).values()
         return [fixed_point_at(parameters, gamma) for gamma in isolated]
     if _fills_curve(parameters):
         raise InputError(
-            "fixed points fill a curve: two moments are equal and K is along the third axis; make "
-            "the moments differ"
+            "fixed points fill a curve, as two moments are equal and K is along the third axis: "
+            "make the moments differ"
         )
     points: list[FixedPoint] = []
     # If complex fixed points fill a curve, the resultant is singular, and ±AK are the real points.
@@ -175,7 +175,7 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
 
 def _check_rubber(parameters: Parameters) -> None:
     if parameters.rolling != "rubber":
-        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+        raise InputError("equation (4.1), with M = 0, holds only in the rubber model")
 
 
 def _fills_curve(parameters: Parameters) -> bool:

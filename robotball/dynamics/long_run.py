@@ -142,7 +142,7 @@ def exponents_of(
     """
     starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all():
-        raise InputError("exponents need M other than zero; at M = 0 the motion is on the sphere")
+        raise InputError("exponents need a nonzero momentum M")
     if not (duration > 0 and transient > 0):
         raise InputError("duration and transient must be positive")
     rest = np.tile([*ANY_TURN, 0.0, 0.0], (len(starts.rows), 1))

@@ -103,7 +103,7 @@ def varied(
         elif length := float(np.linalg.norm(vectors[name])):
             vectors[name] *= value / length
         else:
-            raise InputError(f"{name} = 0 has no direction to keep: vary {name}1, 2 or 3")
+            raise InputError(f"{name} = 0 has no direction: vary {name}1, {name}2 or {name}3")
     K, Omega = map(as_vector, vectors.values())
     if level.keys() & changes.keys():  # otherwise M may be zero
         momentum = momentum_across(parameters.rolling, momentum, **level)
@@ -113,12 +113,12 @@ def varied(
 def momentum_across(rolling: Rolling, momentum: Array, f: float, c: float) -> Array:
     """Return M (3,), world, with the given f = M² and c = (M, γ), in the heading of `momentum`."""
     if rolling == "rubber" and c != 0:
-        raise InputError(f"c must be 0 in the rubber model (3.1), not {c:g}: vary f instead")
+        raise InputError(f"c is {c:g}, but must be 0 in the rubber model (equation (3.1)): vary f")
     across = float(np.hypot(*momentum[:2]))
     if not (f > c * c and across > 0):
         raise InputError(
             f"no initial state has c = (M, γ) = {c:g} and f = M² = {f:g}: c² must be below f, and "
-            "the scene's M neither vertical nor zero"
+            "the scene's M must be neither vertical nor zero"
         )
     return np.array([*(momentum[:2] * (np.sqrt(f - c * c) / across)), c])
 

@@ -148,7 +148,7 @@ def sections_of(
     starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all() or count < 1 or direction not in (-1, 0, 1):
         raise InputError(
-            "a section needs M other than zero, a count of at least 1, a direction of 1, -1 or 0"
+            "a section needs a nonzero M, a count of at least 1, and the direction 1, -1 or 0"
         )
     m, c = (starts.rows[:, LEVEL - BALL :][:, :2] / starts.size[:, None]).T
     numbers = np.stack(np.broadcast_arrays(np.cos(g), np.sin(g), m, c), axis=1)
@@ -276,8 +276,8 @@ def period_of(scene: Scene) -> float:
     check_no_turn(scene, "a stroboscopic map")  # it would depend on the ball's place
     if scene.controller is not None or any(hinge.motor for hinge in scene.hinges):
         raise InputError(
-            f"{scene.name}: a stroboscopic map needs prescribed rates; remove the motors and the "
-            "controller, which have states of their own"
+            f"{scene.name}: a stroboscopic map needs prescribed rates; motors and controllers have "
+            "states of their own: remove them"
         )
     parts = [_parts(scene, drive) for drive in (*scene.drives, *scene.plane_drives)]
     frequencies = [part.frequency for p in parts for part in p if isinstance(part, Sine)]
@@ -353,7 +353,7 @@ def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossin
     omega = motion.angular_velocity @ scene.principal_axes
     f, c = (M * M).sum(axis=1, keepdims=True), (M * gamma).sum(axis=1, keepdims=True)
     if not f.min() > 0:
-        raise InputError("a section needs M other than zero, which has no g")
+        raise InputError("a section needs a nonzero momentum M: g is undefined at M = 0")
     across = np.sqrt(1 - c * c / f)
     node = (gamma - c / f * M) / across
     beta = np.cross(M, node) / np.sqrt(f)

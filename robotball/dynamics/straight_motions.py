@@ -51,7 +51,7 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
     p, vertical = parameters, as_vector(gamma)
     across = abs(eq.dot(p.Omega, vertical)) <= _ROUNDING * np.linalg.norm(p.Omega)
     if p.rolling == "rubber" and not across:
-        raise InputError("a rubber ball rolls straight only if (Omega, gamma) = 0, by (2.2)")
+        raise InputError("a rubber ball rolls straight only if (Omega, gamma) = 0 (equation (2.2))")
     M = p.momentum((0.0, 0.0, 0.0), vertical)
     linear = linear_part(flow_near(p, np.array(vertical), np.array(M)), 3)
     return StraightMotion(
@@ -81,7 +81,7 @@ def straight_verticals(parameters: Parameters, f: float, c: float = 0.0) -> list
     Omega, K, d = np.array(parameters.Omega), np.array(parameters.K), parameters.d
     if not Omega.any():
         raise InputError(
-            "with Omega = 0 the ball rests, with M = K, instead of rolling straight; make Omega "
+            "with Omega = 0 there is no straight motion: the ball with M = K rests; make Omega "
             "nonzero"
         )
     normal = np.cross(Omega, K)

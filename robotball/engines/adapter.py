@@ -143,7 +143,7 @@ class SteppedWorld(World):
         if not self.any_step and not np.allclose(lengths, lengths[0], rtol=1e-9, atol=0.0):
             raise InputError(
                 f"{self.scene.name}: this engine uses one step length, so samples and rate "
-                "breakpoints must fall on multiples of it: choose another sampling interval"
+                "breakpoints must fall on its multiples: choose another sampling interval"
             )
         for begin, length, count, sample in self.stretches(times, timestep):
             self._loop(self.step, begin, length, count)
@@ -339,8 +339,8 @@ def no_torsion(scene: Scene, instead: str = "the shell spins freely") -> str | N
 def spins(scene: Scene, settings: SpinSettings) -> str | None:
     """Return a line if the shell spins freely or with our damping, else None."""
     if getattr(settings, "ideal", None):
-        return "its ball never slips, under constraints of ours" if scene.may_slip else None
-    damped = ["a torque of ours damps the spin"] if settings.spin_part else []
+        return "robotball's constraints never let its ball slip" if scene.may_slip else None
+    damped = ["a torque from robotball damps the spin"] if settings.spin_part else []
     return no_torsion(scene, *damped)
 
 
@@ -415,7 +415,7 @@ class Adapter(Engine):
         if not (scene.plane_is_still or self.moves_plane):
             return "its adapter keeps the plane still, but this plane moves or turns"
         if scene.slip_limits[2] < np.inf and not self.resists_spin:
-            return "its contact has no torsional friction, which this scene limits"
+            return "its contact has no torsional friction, for which this scene gives a limit"
         if self.rolls_unbalanced:
             return _beyond_given_rates(scene)
         if why := replace(scene, gravity_direction=DOWN).not_reduced:

@@ -300,11 +300,11 @@ def _check_accuracy(
     engine: Engine, settings: EngineSettings | str | None, accuracy: float, keep_going: bool
 ) -> None:
     if settings is not None:
-        raise InputError("give settings or an accuracy, not both: settings follow from an accuracy")
+        raise InputError("give settings or an accuracy, not both: the accuracy sets the settings")
     if keep_going:
-        raise InputError("a run with a fault reaches no accuracy: give --keep-going with a preset")
+        raise InputError("--keep-going needs a preset: a run with a fault reaches no accuracy")
     if engine.least_accuracy is None:
-        raise InputError(f"{engine.label.name} has no settings for an accuracy: give a preset")
+        raise InputError(f"{engine.label.name} does not support an accuracy: give a preset")
     if not engine.least_accuracy <= accuracy < 1:
         raise InputError(
             f"accuracy must be at least {engine.least_accuracy:g}, the limit of rounding, and less "
@@ -325,7 +325,7 @@ def runnable(scene: Scene, times: Times, request: Request) -> Array:
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
     if scene.controller and not getattr(request.engine, "closes_loops", False):
         raise InputError(
-            f"{request.engine.label.name} cannot run {scene.name}: it has no controllers; choose "
+            f"{request.engine.label.name} cannot run {scene.name}, which has a controller; choose "
             "mujoco or multibody"
         )
     return times_of(times, scene)
@@ -361,7 +361,7 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
             no_load, rate = hinge.motor.law.limit / hinge.motor.law.per_rate, np.abs(rates).max()
             if rate > _NO_LOAD * no_load:
                 yield (
-                    f"{hinge.name}'s motor turns at {rate:.3g} rad/s, and its rate without load is "
-                    f"torque_limit/kv = {no_load:.3g} rad/s if it stalls at its limit: check rate "
-                    "(1 rpm is 0.105 rad/s), kv and torque_limit"
+                    f"{hinge.name}'s motor turns at {rate:.3g} rad/s, but a motor that stalls at "
+                    f"torque_limit turns at most at torque_limit/kv = {no_load:.3g} rad/s: check "
+                    "rate (1 rpm is 0.105 rad/s), kv and torque_limit"
                 )

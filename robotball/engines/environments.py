@@ -152,7 +152,7 @@ def interpreter_of(home: Path, requirements: Iterable[str] = ()) -> Path | None:
             return None
     python = (home / "bin" / "python").absolute()
     if not os.access(python, os.X_OK):
-        raise InputError(f"{python} is gone: {_again(python)}")
+        raise InputError(f"{python} does not exist any more: {_again(python)}")
     for requirement in requirements:
         release = versions_in(home, [requirement]).partition(" ")[2]
         if release and _numbers(release) < _numbers(requirement.partition(">=")[2]):
@@ -161,7 +161,7 @@ def interpreter_of(home: Path, requirements: Iterable[str] = ()) -> Path | None:
 
 
 def _again(python: Path) -> str:
-    return f"make it again: robotball engines --install {python.parents[1].name}"
+    return f"install again: robotball engines --install {python.parents[1].name}"
 
 
 def _check_own(home: Path, inside: bool) -> None:
@@ -169,8 +169,8 @@ def _check_own(home: Path, inside: bool) -> None:
     foreign = foreign_in(home) if inside else None if is_own(home) else home
     if foreign is not None:
         raise InputError(
-            f"{foreign} belongs to another user, or others may write to it, so it is not run: give "
-            "another folder with --environments"
+            f"{foreign} is not run, because another user owns it or may write to it: give another "
+            "folder with --environments"
         )
 
 
@@ -210,8 +210,8 @@ def make(home: Path, requirements: Sequence[str], python: Path | None = None) ->
     home = home.absolute()
     if home.is_dir() and any(home.iterdir()) and not (home / "pyvenv.cfg").is_file():
         raise InputError(
-            f"{home} is not an environment, and its files would be lost: move it, or give another "
-            "folder with --environments"
+            f"{home} is not an environment, and its files would be lost: move that folder, or give "
+            "another one with --environments"
         )
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
     home.chmod(0o700)

@@ -157,6 +157,6 @@ def _check_finite(motion: ReferenceMotion) -> None:
             t = motion.times[finite.argmin()]
             raise InputError(
                 f"{motion.scene.name}: the {place[-1].replace('_', ' ')} exceeds "
-                f"{np.finfo(float).max:.2g}, the largest number, at t = {t:g} s: bring the bodies "
-                "or the rates nearer to 1"
+                f"{np.finfo(float).max:.2g}, the largest number, at t = {t:g} s: bring masses, "
+                "lengths and rates nearer to 1"
             )

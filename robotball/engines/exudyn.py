@@ -271,7 +271,7 @@ _CONTACT = replace(
 def _lacks(scene: Scene, settings: _ExudynSettings) -> str | None:
     if settings.friction is None:
         return None
-    return adapter.no_torsion(scene, "a constraint of ours forbids the spin")
+    return adapter.no_torsion(scene, "a constraint from robotball forbids the spin")
 
 
 def _world(scene: Scene, settings: _ExudynSettings, step: float) -> adapter.World:

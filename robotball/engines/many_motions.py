@@ -134,12 +134,12 @@ def simulate_many(
     if device is not None:
         chosen: Any = request.settings
         if not hasattr(chosen, "device"):
-            raise InputError(f"{request.engine.label.name} has no choice of a device: leave it out")
+            raise InputError(f"{request.engine.label.name} takes no device: leave the device out")
         _check_device(device)
         request = replace(request, settings=replace(chosen, device=device))
     one = isinstance(scene, Scene | str | Path)
     if one != (starts is not None):
-        raise InputError("give starts with one scene only, not with several")
+        raise InputError("one scene needs starts, and several scenes take no starts")
     scenes: Sequence[Scene]
     if isinstance(scene, Scene | str | Path):
         scenes = FromStarts(scene_of(scene), starts or ())

@@ -189,7 +189,7 @@ def load_motion(path: str | Path, scene: Scene | str | Path) -> Motion:
     if table.header.get("format") != FORMAT:
         return recorded(scene, read_trajectory(path))
     if table.header.get("scene", scene.name) != scene.name:
-        warn(f"{path} is a motion of {table.header['scene']}; it is read as one of {scene.name}")
+        warn(f"{path} holds a motion of {table.header['scene']}, but is read as {scene.name}")
     with named(path):
         arrays = arrays_of(table, scene)
     loads = {place[1]: array for place, array in arrays.items() if place[0] == "loads"}

@@ -77,7 +77,7 @@ def opened(path: Path, longest: int = _MAX_BYTES) -> Iterator[BinaryIO]:
             raise OSError(errno.EINVAL, "not a regular file; copy its contents into one")
         if status.st_size > longest:
             size, limit = status.st_size / MB, longest / MB
-            raise OSError(errno.EFBIG, f"{size:.4g} MB, above the limit of {limit:g}; shorten it")
+            raise OSError(errno.EFBIG, f"{size:.4g} MB, more than {limit:g} MB; shorten the file")
         file = path.open("rb")
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None

@@ -84,7 +84,8 @@ def read_table(path: Path, gaps: bool = False) -> Table:
 def _of_suffix(path: Path, functions: Mapping[str, Any]) -> Any:
     suffix = path.suffix.lower()
     if suffix not in functions:
-        raise InputError(f"{path}: a table must be one of {', '.join(functions)}, not {suffix!r}")
+        known = f"a table's name must end with {', '.join(functions)}"
+        raise InputError(f"{path}: {known}, not with {suffix!r}")
     return functions[suffix]
 
 
@@ -96,7 +97,7 @@ def read_samples(path: Path) -> Samples:
     table = read_table(path)
     if len(table.columns) != 2:
         there = ", ".join(table.columns)
-        raise InputError(f"{path}: samples need two columns, time and value, not {there}")
+        raise InputError(f"{path}: samples need two columns, time and value; it has {there}")
     for name, units in zip(table.columns, (_TIME, VALUES), strict=True):
         if (unit := table.units.get(name)) and unit not in units:
             raise InputError(f"{path}: {name} is in {unit}; samples need {', '.join(units[:3])}")
@@ -143,7 +144,7 @@ def _table(lines: Iterator[_Line], empty: str) -> Table:
     if all(map(_is_number, first)):
         names = _cells(comments[-1].strip(), _delimiter(comments[-1])) if comments else []
         if len(names) != len(first):
-            raise InputError("no line with the names of the columns, such as t,x,y,qw,qx,qy,qz")
+            raise InputError("add a line with the names of the columns, such as t,x,y,qw,qx,qy,qz")
     else:
         names, start = first, [*islice(rows, 1)]
         # A line without any number below the names holds the units.
@@ -231,7 +232,7 @@ def _checked(
     for number, line in rows:
         cells = _cells(line if delimiter == "," else line.replace(",", "."), delimiter)
         if len(cells) != len(names):
-            raise InputError(f"line {number} has {len(cells)} values in {len(names)} columns")
+            raise InputError(f"line {number} has {len(cells)} values, for {len(names)} columns")
         try:
             yield [float(cell or empty) for cell in cells]
         except ValueError:
@@ -273,7 +274,7 @@ def _read_npz(file: BinaryIO) -> Table:
 def _check_size(size: int) -> None:
     if size > _MAX_MEMORY:
         limit = _MAX_MEMORY / MB
-        raise InputError(f"it takes {size / MB:.4g} MB of memory, of {limit:g} MB: shorten it")
+        raise InputError(f"the table needs {size / MB:.4g} MB, above {limit:g} MB: shorten it")
 
 
 def _texts(member: Any) -> dict[str, str]:
@@ -403,7 +404,7 @@ def _read_mat(file: BinaryIO) -> dict[str, Array]:
     try:
         members = loadmat(file.name, appendmat=False, simplify_cells=True)
     except NotImplementedError:
-        raise InputError("MATLAB files of version 7.3 are not read; save with -v7") from None
+        raise InputError("MATLAB files of version 7.3 are not supported; save with -v7") from None
     arrays = dict(_vectors(members))
     longest = max((len(array) for array in arrays.values()), default=0)
     return {name: array for name, array in arrays.items() if len(array) == longest}

@@ -97,7 +97,7 @@ def rate_of(command: Command, folder: Path) -> Rate:
         return read_samples(folder / command.file)
     if command.times is None or command.values is None:
         missing = "times" if command.times is None else "values"
-        raise InputError(f"samples: key {missing!r} is missing, or 'file' instead")
+        raise InputError(f"samples: key {missing!r} is missing; or give 'file' instead")
     return Samples(times=tuple(command.times), values=tuple(command.values))
 
 
@@ -193,7 +193,7 @@ class HingeTable(Table, frozen=True):
             if name not in drive.allowed:
                 owners = [f'"{owner}"' for owner, kind in DRIVES.items() if name in kind.allowed]
                 drives = " or ".join(owners)
-                raise ValueError(f'{name} belongs to drive = {drives}, not to "{self.drive}"')
+                raise ValueError(f'{name} needs drive = {drives}, but drive is "{self.drive}"')
 
 
 _Name = Annotated[str | None, key("one word, the name of the part in `fit`")]
@@ -211,7 +211,7 @@ class _Matter(Table, frozen=True):
 
     def __post_init__(self) -> None:
         if len(ways := self.given(*_MASS_KEYS)) > 1:
-            raise ValueError(f"it takes mass, density or material, not {' and '.join(ways)}")
+            raise ValueError(f"give mass, density or material, only one, not {' and '.join(ways)}")
         if self.material is not None and self.material.lower() not in DENSITIES:
             raise unknown("material", self.material, DENSITIES)
 
@@ -221,9 +221,9 @@ class _Matter(Table, frozen=True):
             return self.mass
         density = self.density if self.material is None else DENSITIES[self.material.lower()]
         if density is None:
-            raise InputError("it needs a mass [kg], a density [kg/m³] or a material")
+            raise InputError("give a mass [kg], a density [kg/m³] or a material")
         if volume == 0:
-            raise InputError("without a thickness it takes a mass, not a density or a material")
+            raise InputError("without a thickness give the mass, not a density or a material")
         return density * volume
 
 
@@ -236,9 +236,9 @@ class _Round(_Matter, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.diameter is None is self.radius:
-            raise ValueError("key 'radius' is missing, or 'diameter' instead")
+            raise ValueError("key 'radius' is missing; or give 'diameter' instead")
         if self.diameter is not None and self.radius:
-            raise ValueError("it takes a radius or a diameter, not both")
+            raise ValueError("give a radius or a diameter, not both")
 
     @property
     def outer(self) -> float:
@@ -257,7 +257,7 @@ class _Bored(_Round, frozen=True):
         super().__post_init__()
         if not self.inner_radius < self.outer:
             inner, outer = self.inner_radius, self.outer
-            raise ValueError(f"inner_radius must be below the radius {outer:g}, not {inner:g} m")
+            raise ValueError(f"inner_radius must be below the radius {outer:g} m, not {inner:g} m")
 
 
 class Point(Table, frozen=True, kw_only=True, tag_field="kind", tag="point"):
@@ -385,17 +385,17 @@ class ShellTable(_Round, frozen=True):
         """
         inertia, thickness = self.inertia, self.thickness
         if inertia is not None and thickness is not None:
-            raise InputError("shell takes thickness or inertia, not both")
+            raise InputError("shell: give thickness or inertia, not both")
         if thickness is not None:
             mass = self.mass_in(wall_volume(self.outer, thickness))
             moment = shell_inertia(self.outer, mass, thickness)
             return mass, moment, moment
         if self.given("density", "material"):
-            raise InputError("shell: a density needs the wall's thickness [m]")
+            raise InputError("shell: a density or a material needs the wall's thickness [m]")
         if self.mass is None:
             raise InputError("shell: key 'mass' is missing")
         if inertia is None:
-            raise InputError("shell: key 'thickness' is missing, or 'inertia' instead of it")
+            raise InputError("shell: key 'thickness' is missing; or give 'inertia' instead")
         if inertia == "thin":
             moment = shell_inertia(self.outer, self.mass)
             return self.mass, moment, moment
@@ -427,7 +427,7 @@ def _check_one_way(table: ShellTable | _BodyTable, numbers: str, keys: list[str]
     ways = {numbers: keys, **{name: table.given(name) for name in _FILE_KEYS}}
     if len(used := [names for names in ways.values() if names]) != 1:
         listed = " and ".join(map(", ".join, used)) or "nothing"
-        raise ValueError(f"it gives {listed}; it takes {', or '.join(ways)}")
+        raise ValueError(f"this table has {listed}; give either {', or '.join(ways)}")
 
 
 class FrameTable(_BodyTable, frozen=True):
@@ -566,7 +566,7 @@ class Numbers(ABC):
         """
         if names:
             raise InputError(
-                f"{names[0]}.inertia: only scene files can free the inertia of a body as a whole; "
+                f"{names[0]}.inertia: a fit frees the whole inertia of a body only in scene files; "
                 "name single numbers of the body"
             )
         return self

@@ -98,7 +98,7 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
     drives = ((name, kind) for name, kind in DRIVES.items() if kind.motor == motor_name)
     name, kind = next(drives, (None, None))
     if kind is None:
-        raise InputError(f"a scene file cannot hold the motor {motor}")
+        raise InputError(f"a scene file cannot hold the motor {motor}: keep the Python code")
     keys: dict[str, Any] = {
         "mass": body.mass,
         "inertia": inertia,

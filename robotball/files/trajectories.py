@@ -196,7 +196,7 @@ def arrays_of(table: Table, scene: Scene) -> dict[_ArrayPath, Array]:
     for layout in _layout(scene):
         missing = [name for name in layout.columns if name not in table.columns]
         if missing:
-            raise InputError(f"missing columns {', '.join(missing)}: not a motion of {scene.name}")
+            raise InputError(f"not a motion of {scene.name}: it lacks {', '.join(missing)}")
         columns = [table.columns[name] for name in layout.columns]
         # A single hinge has one column as well, and an array (n, 1).
         arrays[layout.path] = np.stack(columns, axis=1) if layout.dimension else columns[0]
@@ -296,8 +296,8 @@ def _trajectory_of(table: Table, name: str, names: Mapping[str, str]) -> Traject
     missing = [column for column in _NEEDED if column not in columns]
     if missing:
         there, needed = ", ".join(table.columns) or "none", "t,x,y and qw,qx,qy,qz"
-        line = f"missing columns {','.join(missing)}; the file has {there}, needed are {needed}"
-        raise InputError(f"{line}; --map TITLE={missing[0]} names one")
+        line = f"columns {','.join(missing)} are missing; {needed} are needed; the file has {there}"
+        raise InputError(f"{line}; name a column with --map TITLE={missing[0]}")
     if table.header.get(RECORDS):  # a topic has its own times
         whole = np.isfinite(np.stack([*columns.values()])).all(axis=0)
         columns = {column: values[whole] for column, values in columns.items()}
@@ -400,7 +400,7 @@ def _timed(columns: dict[str, Array], units: dict[str, str]) -> list[str]:
     if unit == "s":
         return []
     columns["t"] = times * _TIMES[unit]
-    return [f"t has no unit; it is read as {unit}, as it begins {times[0]:.15g}, {times[1]:.15g}"]
+    return [f"t has no unit; read in {unit}, because it begins {times[0]:.15g}, {times[1]:.15g}"]
 
 
 def from_first(times: Array) -> tuple[Array, str]:
@@ -413,7 +413,7 @@ def _attitude_of_angles(columns: dict[str, Array], units: Mapping[str, str]) -> 
     there = [name for name in _ANGLES if name in columns]
     angles = np.array([columns.pop(name) for name in there])
     if len(there) < len(_ANGLES) or "qw" in columns:
-        return [f"{', '.join(there)}: not used, as an attitude needs all three"] if there else []
+        return [f"{', '.join(there)}: not used: an attitude needs all three"] if there else []
     unit = "rad"
     if (
         not any(units[name] for name in _ANGLES)
@@ -478,7 +478,7 @@ def _made_si(
         if size and _unit_name(size[2]) in known:
             known = known | {unit: float(size[1]) * known[_unit_name(size[2])]}
         if unit not in known:
-            raise InputError(f"{name} is in {unit!r}; it can be in {', '.join(known)}")
+            raise InputError(f"{name} is in {unit!r}; the unit can be {', '.join(known)}")
         if known[unit] != 1.0:
             columns[name] = columns[name] * known[unit]
             changed.setdefault(unit, []).append(name)
@@ -489,7 +489,7 @@ def _check_finite(name: str, column: Array, times: Array) -> None:
     bad = np.flatnonzero(~(np.abs(column) <= LARGEST))
     if len(bad):
         i = int(bad[0])
-        more = f" and {len(bad) - 1} more" if len(bad) > 1 else ""
+        more = f" and bad in {len(bad) - 1} more" if len(bad) > 1 else ""
         at = f" (t = {times[i]:g} s)" if name != "t" else ""
         limit = f"values must be finite and at most {LARGEST:g} in size"
         raise InputError(f"{name} is {column[i]} in row {i + 1}{at}{more}: {limit}")
@@ -497,12 +497,12 @@ def _check_finite(name: str, column: Array, times: Array) -> None:
 
 def check_increasing(times: Array) -> None:
     if len(times) < 2:
-        raise InputError(f"{len(times)} row of numbers, at least two are needed")
+        raise InputError(f"{len(times)} row of numbers; at least two rows are needed")
     # Only the first fault: the others mostly follow from it.
     late = np.flatnonzero(np.diff(times) <= 0)
     if len(late):
         row, before, after = int(late[0]) + 1, *times[late[0] :][:2]
-        there = f"t = {after:g} s in row {row + 1} follows {before:g} s in row {row}"
+        there = f"row {row + 1} with t = {after:g} s follows row {row} with t = {before:g} s"
         raise InputError(f"times must increase: {there}")
     if times[0] < 0:
         raise InputError(f"times must start at 0 s or later, not at {times[0]:g} s")
@@ -526,5 +526,5 @@ def together(columns: Mapping[str, Array], names: tuple[str, ...]) -> Array | No
     """Return the columns of these names (n, k), or None. Raises InputError if some are missing."""
     present = [name for name in names if name in columns]
     if present and len(present) < len(names):
-        raise InputError(f"{', '.join(names)} belong together, but only {', '.join(present)} given")
+        raise InputError(f"give all of {', '.join(names)}, or none; there is {', '.join(present)}")
     return np.stack([columns[name] for name in names], axis=1) if present else None

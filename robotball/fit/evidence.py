@@ -160,7 +160,7 @@ def estimates_at(
     undetermined = [f"{name}: {_STILL}" for name in names]
     undetermined += _undetermined(covariance, unknowns)
     undetermined += [
-        f"{ended[i].name} is at least about {need:.3g}, the most that the motions need"
+        f"{ended[i].name} is at least about {need:.3g}, which is the most that the motions need"
         for i, need in residuals.needs(x, sticking=True).items()
         if not estimates[freed.index(i)].determined
     ]

@@ -198,7 +198,7 @@ def fit(
     sensed = [first_values(initial, log, noise or {}, circumstances) for log in logs]
     fitted = [log for k, log in enumerate(sensed) if k != hold_out]
     if not fitted:
-        raise InputError("no log to fit: add a log, or hold out none")
+        raise InputError("all logs are held out: add a log to fit")
     x, residuals, J, complete = solve(shared, fitted, progress=progress)
     left = residuals(x)
     estimates, covariance, undetermined = evidence.estimates_at(residuals, x, J, complete)

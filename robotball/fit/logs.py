@@ -183,7 +183,7 @@ def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> 
         if (kind := sensor.rpartition("_")[2]) in _MOST and all(c in columns for c in needed):
             notes += _check_unit(found, needed, *_MOST[kind], scene)
     if not np.isfinite(times).all():
-        raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row; every row needs a time")
+        raise InputError(f"t is {times[~np.isfinite(times)][0]} in a row: every row needs a time")
     # A scene without changes in time may begin at any time.
     if times[0] > (0.0 if scene.steady else scene.duration):
         times, note = from_first(times)
@@ -194,8 +194,8 @@ def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> 
         titles = [",".join(columns) for columns in _SENSORS.values()]
         titles += [f"{scene.hinges[0].name}_{kind}" for kind in _OF_HINGES]
         raise InputError(
-            f"no sensor; the file has {', '.join(table.columns)}; known columns are "
-            f"{', '.join(titles)}, and the same for each hinge; --map TITLE=COLUMN names others"
+            f"no sensor; the file has {', '.join(table.columns)}. Columns of sensors are "
+            f"{', '.join(titles)} (so for each hinge): rename with --map TITLE=COLUMN"
         )
     _check_dense(sensors, scene)
     commands = {}
@@ -205,8 +205,8 @@ def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> 
             continue
         if not has_motor:
             raise InputError(
-                f"{motor}_command: {motor} has no motor, its rate is prescribed; add a motor in "
-                "the scene file"
+                f"{motor}_command: {motor} has no motor, but a prescribed rate; add a motor in the "
+                "scene file"
             )
         finite = np.isfinite(column)
         if not finite.any():
@@ -248,8 +248,8 @@ def _check_dense(sensors: tuple[Sensor, ...], scene: Scene) -> None:
     falls = float(np.sqrt(scene.ball.radius / scene.gravity)) if scene.gravity else np.inf
     if end / most > _SPARSEST * falls:
         raise InputError(
-            f"{most} readings until t = {end:.6g} s are one per {end / most:.3g} s; at least one "
-            f"per {_SPARSEST * falls:.2g} s is needed; name the unit of the times with "
+            f"{most} readings until t = {end:.6g} s are one per {end / most:.3g} s, but at least "
+            f"one per {_SPARSEST * falls:.2g} s is needed; if t has another unit, name it with "
             "--map 't=t [ms]'"
         )
 
@@ -277,8 +277,7 @@ def _sensors(
             raise InputError(f"{name} has a reading of {sizes.max():g}; check its unit")
         if is_reading.sum() < _FEWEST:
             raise InputError(
-                f"{name} has {is_reading.sum()} readings, at least {_FEWEST} are needed: remove "
-                "its columns"
+                f"{name} has {is_reading.sum()} readings, fewer than {_FEWEST}: remove its columns"
             )
         at, values = times[is_reading], values[is_reading]
         if name.endswith("attitude"):

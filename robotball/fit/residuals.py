@@ -150,7 +150,7 @@ def _of_path(numbers: Numbers, text: str, radius: float) -> Unknown:
     if limits:
         low, high = _limits(text, limits)
         if not low <= value <= high:
-            raise InputError(f"{path} = {value:g} is outside {limits}; change the scene")
+            raise InputError(f"{path} is {value:g}, outside {limits}: change the scene")
         with named(text):  # a fit may end at its limits, so the scene must be valid there
             for limit in filter(np.isfinite, (low, high)):
                 numbers.scene({path: limit})

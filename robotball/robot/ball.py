@@ -159,8 +159,8 @@ class Solid:
     def check_within(self, name: str, radius: float) -> None:
         """Raise InputError if the solid reaches beyond a shell."""
         if self.reach > radius * (1 + SYMMETRIC):
-            beyond = f"{self.reach:.6g} m from the sphere's centre, beyond its radius {radius:g} m"
-            raise InputError(f"{name} reaches {beyond}; make it smaller, or move it")
+            beyond = f"{self.reach:.6g} m from the sphere's centre, but the radius is {radius:g} m"
+            raise InputError(f"{name} reaches {beyond}; make the body smaller, or move it")
 
     def moments_about(self, name: str, axis: Array, otherwise: str) -> tuple[float, float]:
         """Return the axial and transverse moments [kg m²] about an axis (3,).
@@ -172,7 +172,7 @@ class Solid:
         largest = float(np.abs(self.inertia).max())
         off = float(np.abs(self.inertia - axial_tensor(axial, transverse, axis)).max())
         if off > SYMMETRIC * largest:
-            fault = f"its inertia is off by {off:.6g} of {largest:.6g} kg m²"
+            fault = f"an entry of its inertia of {largest:.6g} kg m² is off by {off:.6g} kg m²"
             raise InputError(f"{name} is not symmetric about its axis: {fault}; use a {otherwise}")
         # The moments of a disc are 2 to 1, except for rounding, and a Rotor takes no larger ratio.
         if axial < 2 * transverse * (1 + SYMMETRIC):
@@ -510,9 +510,9 @@ class Ball(Value):
                     "rotors and pendulums need a frame; a ball without one takes links"
                 )
             if isinstance(body, Frame) and i > 1:
-                raise InputError(f"the frame carries the others: put it before {names[1]}")
+                raise InputError(f"the frame carries all other bodies: put it before {names[1]}")
             if isinstance(body, Link) and body.parent not in names[:i]:
-                before = f"the bodies before it are {', '.join(names[:i])}; put its parent there"
+                before = f"only {', '.join(names[:i])} come before {name}; put its parent there"
                 raise InputError(f"{name} is joined to {body.parent!r}, but {before}")
 
     def with_hinges(self, **given: "Mapping[str, Any] | Sequence[Any] | Array") -> "Ball":
@@ -539,7 +539,7 @@ class Ball(Value):
             if not isinstance(values, Mapping):
                 count = len(changes)
                 if len(values) != count:
-                    raise InputError(f"{count} hinges need as many {key}s, not {len(values)}")
+                    raise InputError(f"{count} hinges need {count} {key}s, not {len(values)}")
                 values = dict(zip(changes, values, strict=True))
             for name, value in values.items():
                 if name not in changes:
@@ -679,7 +679,7 @@ def beyond_the_shell(ball: Ball) -> list[str]:
         spread = float(np.trace(body.inertia)) / 2 / (body.mass or 1.0)
         reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
-            where = f"at {reach:.4g} m, beyond {ball.radius:g} m; check its inertia and centre"
+            where = f"at {reach:.4g} m, beyond {ball.radius:g} m; check the inertia and centre"
             messages.append(f"{name} has mass outside the shell: {where}")
     return messages
 
@@ -717,7 +717,7 @@ def _check_body(name: str, body: Body) -> None:
         axial, transverse = body.axial_inertia, body.transverse_inertia
         if not axial <= 2 * transverse * (1 + ROUNDING):
             excess = f"{axial:.6g} > 2 * {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"
-            raise InputError(f"{name} is flatter than a disk: axial > 2 * transverse: {excess}")
+            raise InputError(f"{name}'s axial_inertia exceeds 2 * transverse_inertia: {excess}")
     if not massless:
         _check_inertia(name, body.inertia)
 
@@ -729,15 +729,16 @@ def _check_inertia(name: str, inertia: Array) -> None:
         raise InputError(f"{name}'s inertia is not symmetric: {inertia.tolist()}")
     small, middle, large = np.linalg.eigvalsh(inertia)
     if small <= 0:
-        fault = f"its smallest principal moment is {small:.6g} kg m²"
-        raise InputError(f"{name}'s inertia is not positive: {fault}")
+        fault = f"the smallest one is {small:.6g} kg m²"
+        raise InputError(f"{name}'s principal moments of inertia must be positive: {fault}")
     if small < 1 / _LARGEST_MOMENT:
         limit = f"at least {1 / _LARGEST_MOMENT:g}, not {small:.6g} kg m²"
         raise InputError(f"{name}'s smallest principal moment must be {limit}")
     # Each moment is Σ m (x² + y²), so it cannot exceed the sum of the other two.
     if large - small - middle > ROUNDING * large:
-        excess = f"{large:.6g} > {small:.6g} + {middle:.6g} by {large - small - middle:.6g} kg m²"
-        raise InputError(f"{name}'s inertia breaks the triangle inequality: {excess}")
+        excess = f"{large:.6g} exceeds {small:.6g} + {middle:.6g} by {large - small - middle:.6g}"
+        rule = "no principal moment of a body can exceed the sum of the two others"
+        raise InputError(f"{name}'s inertia is impossible: {rule}, but {excess} kg m²")
 
 
 def _check_entries(name: str, inertia: Array) -> None:

@@ -160,7 +160,7 @@ class Controller:
         Raises InputError if there are too many calls.
         """
         if not end / self.period <= _MOST_CALLS:
-            many = f"{end / self.period:.2g} calls in {end:g} s, of at most {_MOST_CALLS:g}"
+            many = f"{end / self.period:.2g} calls in {end:g} s, more than {_MOST_CALLS:g}"
             line = f"a controller's period of {self.period:g} s needs {many}"
             raise InputError(f"{line}; choose a longer period or a shorter run")
         # Multiples of the period, because sums would accumulate rounding errors.

@@ -166,8 +166,8 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
         check_size("a ramp's start", self.start, "s")
         check_size("a ramp's end", self.end, "s")
         if not 0 <= self.start < self.end:
-            times = f"{self.start:g} to {self.end:g} s"
-            raise InputError(f"a ramp must start at 0 or later and end after that, not {times}")
+            times = f"start = {self.start:g} s and end = {self.end:g} s"
+            raise InputError(f"a ramp must have 0 <= start < end; it has {times}")
         check_positive("the time that a ramp takes", self.end - self.start, "s")
         check_size("a ramp's initial value", self.initial)
         check_size("a ramp's final value", self.final)
@@ -287,14 +287,14 @@ class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
 
     def __post_init__(self) -> None:
         if len(self.times) != len(self.values) or len(self.times) < 2:
-            counts = f"{len(self.times)} times and {len(self.values)} values"
-            raise InputError(f"samples need as many values as times, two or more: not {counts}")
+            counts = f"{len(self.times)} and {len(self.values)}"
+            raise InputError(f"samples need at least 2 times and as many values, not {counts}")
         for name, numbers in (("time", self.times), ("value", self.values)):
             for i, number in enumerate(numbers, start=1):
                 check_size(f"{name} {i} of the samples", number)
         for i, (before, after) in enumerate(itertools.pairwise(self.times), start=2):
             if not after > before:
-                line = f"time {i} is {after:g} s, after {before:g} s"
+                line = f"time {i} is {after:g} s, and time {i - 1} is {before:g} s"
                 raise InputError(f"the times of samples must increase: {line}")
         # Converted from arrays, which cannot be compared.
         for name in ("times", "values"):
@@ -441,7 +441,7 @@ def as_drive(rate: Rate, end: float) -> Drive:
         else:
             drive = FunctionDrive(end, rate)
     else:
-        line = "a rate is a number, a function of time, or a drive (see robotball.Drive)"
+        line = "a rate must be a number, a function of time, or a drive (see robotball.Drive)"
         raise InputError(f"{line}, not {rate!r}")
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
     return drive
@@ -450,7 +450,7 @@ def as_drive(rate: Rate, end: float) -> Drive:
 def _check_covers(samples: Samples, end: float) -> None:
     first, last = samples.times[0], samples.times[-1]
     if not (first <= 0 and last >= end * (1 - END_ROUNDING)):
-        run = f"the run, from 0 to {end:g} s; add samples, or shorten it"
+        run = f"the run, from 0 to {end:g} s; add samples, or shorten the run"
         raise InputError(f"samples from t = {first:g} to {last:g} s do not cover {run}")
 
 

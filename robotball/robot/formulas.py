@@ -298,9 +298,9 @@ def check_speed(parameters: Parameters, size: Array) -> Array:
     fastest = float(bounds.max())
     if not fastest <= LARGEST:
         raise InputError(
-            f"the ball may turn at {fastest:.3g} rad/s, of at most {LARGEST:g}: its momentum "
-            f"{float(size.max()):.3g} or K {math.hypot(*parameters.K):.3g} kg m²/s is too large "
-            f"for moments I + d from {1 / max(parameters.A):.3g} kg m² on"
+            f"the ball may turn at {fastest:.3g} rad/s, more than the limit of {LARGEST:g} rad/s: "
+            f"its momentum {float(size.max()):.3g} or K {math.hypot(*parameters.K):.3g} kg m²/s is "
+            f"too large for its least moment I + d = {1 / max(parameters.A):.3g} kg m²"
         )
     return bounds
 

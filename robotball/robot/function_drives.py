@@ -79,15 +79,15 @@ class FunctionDrive:
         finest = self.finest or max(_FINEST, self.end / _LOOKS)
         longest = min(_LONGEST_FUNCTION, _MOST_LOOKS * finest)
         if not self.end <= longest:
-            limit = f"t = {longest:g} s at most, not to {self.end:g} s, every {finest:g} s"
+            limit = f"can cover at most t = {longest:g} s, not {self.end:g} s"
             remedy = "a number, a Ramp or a Sine has no such limit"
-            raise InputError(f"a drive's function can be sampled to {limit}; {remedy}")
+            raise InputError(f"a drive's function, sampled every {finest:g} s, {limit}; {remedy}")
         inside = sorted({float(b) for b in self.named if 0 < b < self.end})
         looks = uneven(self.end, finest)
         polynomials = polynomials_of(self._rate, [0.0, *inside, self.end], looks)
         off, worst = float(polynomials.off.max()), polynomials.edges[polynomials.off.argmax()]
         if not off <= _ACCURATE * (1 + polynomials.size):
-            fault = f"at t = {worst:.6g} s, where it is known to {off:.1g} rad/s"
+            fault = f"at t = {worst:.6g} s, where its samples leave an error of {off:.1g} rad/s"
             warn(f"a drive's function is not smooth {fault}; give its breakpoints to Custom")
         return polynomials
 
@@ -96,7 +96,7 @@ class FunctionDrive:
         value = call_users("a drive's function fails", self.function, t, at=t)
         value = call_users("a drive's function gives no number", float, value, at=t)
         if not abs(value) <= LARGEST:
-            limit = f"it must be finite and at most {LARGEST:g} rad/s"
+            limit = f"a rate must be finite and at most {LARGEST:g} rad/s"
             raise InputError(f"a drive's function gives {value} at t = {t:g} s; {limit}")
         return value
 
@@ -232,7 +232,7 @@ def _check_continuous(begin: float, end: float, values: Array) -> None:
     jump = float(np.ptp(values))
     if jump > _JUMP * (1 + float(np.abs(values).min())):
         t = (begin + end) / 2
-        raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:.9g} s; ramp it")
+        raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:.9g} s; use a ramp")
 
 
 class HeldCommand:

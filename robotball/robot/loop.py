@@ -61,7 +61,7 @@ class Loop:
         ball = scene.ball.with_hinges(command=hinges)
         self.scene = replace(scene, ball=ball, actuators=tuple(actuators))
         self.held: dict[str, Any] = hinges | {a.name: a.command for a in actuators}
-        failure = f"{scene.name}: the controller cannot be copied, and each run needs its own copy"
+        failure = f"{scene.name}: the controller cannot be copied for a run"
         self.function = call_users(failure, copy.deepcopy, controller.function)
         self.random = np.random.default_rng(controller.sensors.seed)
         self.measured = self.called = self.applied = 0
@@ -125,21 +125,21 @@ class Loop:
         answer: Any = call_users(failure, self.function, reading, at=reading.time)
         if not isinstance(answer, Mapping):
             example = {next(iter(self.held)): 1.0}
-            line = f"must return a dict of commands, for example {example}, not {answer!r}"
-            raise self._refused(f"{line} (t = {reading.time:g} s)")
+            line = f"must return a dict of commands, for example {example}"
+            raise self._refused(f"{line}; at t = {reading.time:g} s it returns {answer!r}")
         commands = {}
         for name, value in answer.items():
             if name not in self.held:
                 raise self._no_command(name)
             if name in self.with_activation:
-                raise self._refused(f"cannot command {name}: its activation has a lag")
+                raise self._refused(f"cannot command {name}: remove its lag (activation)")
             try:
                 command = float(value)
             except (TypeError, ValueError):
                 command = math.nan
             if not abs(command) <= LARGEST:
-                line = f"commands {value!r} for {name} at t = {reading.time:g} s"
-                raise self._refused(f"{line}; it must be finite, at most {LARGEST:g} in size")
+                line = f"gives {name} the command {value!r} at t = {reading.time:g} s"
+                raise self._refused(f"{line}; commands are finite and at most {LARGEST:g} in size")
             low, high = self.command_limits.get(name, NO_LIMITS)
             commands[name] = min(max(command, low), high)
         return commands
@@ -147,10 +147,11 @@ class Loop:
     def _no_command(self, name: object) -> InputError:
         """Return the error for a name without a motor."""
         if name not in self.names:
-            return InputError(f"{self.scene.name}, controller: {unknown('motor', name, self.held)}")
+            return self._refused(f"commands an unknown motor: {unknown('motor', name, self.held)}")
         hinge = self.scene.hinges[self.names.index(str(name))]
-        reason = "its rate is prescribed" if hinge.motor is None else "it turns freely"
-        return self._refused(f"cannot command {name}: {reason}. Give it a motor, for example Servo")
+        reason = "rate is prescribed" if hinge.motor is None else "hinge turns freely"
+        remedy = "give the hinge a motor, for example Servo"
+        return self._refused(f"cannot command {name}, whose {reason}: {remedy}")
 
     def _refused(self, reason: str) -> InputError:
         return InputError(f"{self.scene.name}: the controller {reason}")

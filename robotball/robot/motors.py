@@ -247,7 +247,7 @@ class DCMotor(Motor):
             raise InputError(f"a gear's efficiency must be in (0, 1], not {self.efficiency:g}")
         check_not_negative("a motor's no-load current", self.no_load_current, "A")
         if self.no_load_current and (self.torque_limit or not self.stall_current):
-            raise InputError("a motor's no-load current takes a stall current and no torque limit")
+            raise InputError("a motor's no-load current needs a stall current and no torque limit")
         if self.stall_current is not None and not self.no_load_current < self.stall_current:
             limit = f"{self.stall_current:g} A, not {self.no_load_current:g} A"
             raise InputError(f"a motor's no-load current must be below its stall current, {limit}")
@@ -382,9 +382,9 @@ class Activation:
             to = u.value
             return lambda t: to + (w - to) * math.exp(-t / settling)
         if end > _MOST_SETTLINGS * settling:
-            limit = f"a run of {end:g} s, of at most {_MOST_SETTLINGS * settling:g} s"
-            line = f"a filter of {settling:g} s is too short for {limit}"
-            raise InputError(f"{line}; leave it out, or give a constant control")
+            limit = f"a run of at most {_MOST_SETTLINGS * settling:g} s, not {end:g} s"
+            line = f"a filter with the time constant {settling:g} s allows {limit}"
+            raise InputError(f"{line}; leave the filter out, or give a constant control")
         # w = exp(-(t - T)/τ)(w_T + ∫ u exp((s - T)/τ)/τ ds), with T near t against overflow.
         from robotball.robot.function_drives import polynomials_of  # few actuators need it
 
@@ -449,7 +449,7 @@ class Actuator:
 
     def __post_init__(self) -> None:
         if len({name for name, _ in self.gears}) < len(self.gears):
-            raise InputError(f"{self.name} must have one gear per hinge, not {self.gears}")
+            raise InputError(f"{self.name} must have only one gear per hinge; it has {self.gears}")
 
     def control(self, end: float) -> Rate:
         """Return the input of the law in a run from 0 to `end` [s].
@@ -491,4 +491,4 @@ def _check_within(
     for t in np.linspace(0.0, end, _LOOKS).tolist():
         if not low - off <= value(t) <= high + off:
             line = f"{value(t):g} at t = {t:g} s, outside its range of {low:g} to {high:g}"
-            raise InputError(f"{name} is {line}; keep it within: only constants are clipped")
+            raise InputError(f"{name} is {line}; keep it in this range: only constants are clipped")

@@ -94,8 +94,9 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
     else:
         interval = _LONG_INTERVAL if duration > _LONG else SAMPLE_INTERVAL
     if not duration / interval < _MOST_SAMPLES:
-        count = f"{duration / interval:.3g} samples {interval:g} s apart, of at most"
-        raise InputError(f"{duration:g} s has {count} {_MOST_SAMPLES:g}; choose a longer interval")
+        count = f"{duration / interval:.3g} samples, but at most {_MOST_SAMPLES:g} are allowed"
+        line = f"{duration:g} s with a sample every {interval:g} s has {count}"
+        raise InputError(f"{line}; choose a longer interval")
     # The factor absorbs rounding: 10/0.02 may be slightly more than 500.
     return np.linspace(0.0, duration, int(np.ceil(duration / interval * (1 - 1e-12))) + 1)
 
@@ -113,22 +114,23 @@ def times_of(times: Times, scene: "Scene | None" = None) -> Array:
         return scene.times
     if isinstance(times, str):
         line = f"times must be a duration [s] or an array, not {times!r}"
-        raise InputError(f"{line}; a preset is a keyword: settings={times!r}")
+        raise InputError(f"{line}; if it is a preset, write settings={times!r}")
     times = as_floats("times", times)
     if times.ndim == 0:
         return sample_times(float(times))
     if times.ndim != 1 or len(times) < 2:
         shape = times.shape
-        raise InputError(f"times must be a duration [s] or two or more times, not of shape {shape}")
+        line = "times must be a duration [s], or a one-dimensional array of two or more times"
+        raise InputError(f"{line}; these have shape {shape}")
     if not np.all(np.isfinite(times)):
         raise InputError("times must be finite")
     check_size("the last of the times", float(times[-1]), "s")
     if times[0] != 0:
-        raise InputError(f"times must start at 0, not at {times[0]:g}")
+        raise InputError(f"times must start at 0 s, not at {times[0]:g} s")
     late = np.flatnonzero(np.diff(times) <= 0)
     if len(late):
         i = int(late[0])
-        raise InputError(f"times must increase: {times[i + 1]:g} follows {times[i]:g}")
+        raise InputError(f"times must increase, but {times[i + 1]:g} s follows {times[i]:g} s")
     return times
 
 
@@ -221,9 +223,9 @@ def section_state(
     G = np.sqrt(f)
     L, l = np.broadcast_arrays(L, l)
     if not np.all(np.abs(L) <= G):
-        raise InputError(f"|L| = {np.abs(L).max():g} must not exceed sqrt(f) = {G:g}")
+        raise InputError(f"|L| must be at most sqrt(f) = {G:g}, not {np.abs(L).max():g}")
     if not abs(c) < G:
-        raise InputError(f"|c| = {abs(c):g} must be smaller than sqrt(f) = {G:g}")
+        raise InputError(f"|c| must be less than sqrt(f) = {G:g}, not {abs(c):g}")
     across = np.sqrt(1 - (L / G) ** 2)
     M = G * np.stack([across * np.sin(l), across * np.cos(l), L / G], axis=-1)
     node = np.stack([np.cos(l), -np.sin(l), np.zeros(l.shape)], axis=-1)
@@ -249,7 +251,7 @@ def aligned(gamma: Array, M: Array) -> tuple[Array, Array]:
     size = np.linalg.norm(level, axis=-1, keepdims=True)
     # The rounding error of a vertical M has no meaningful direction.
     if not np.all(size > 1e-12 * np.linalg.norm(M, axis=-1, keepdims=True)):
-        line = "M has no horizontal part to align OX with; give alpha or a quaternion too"
+        line = "M is vertical and does not give the direction of OX; give alpha or a quaternion too"
         raise InputError(line)
     momenta = np.concatenate([-size, np.zeros(size.shape), c], axis=-1)
     return attitude_of_axes(gamma, -level / size), momenta
@@ -263,7 +265,7 @@ def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
     cosine = (gamma * alpha).sum(axis=-1, keepdims=True)
     if not np.all(np.abs(cosine) <= _CAPTION):
         worst = cosine.flat[np.abs(cosine).argmax()]
-        raise InputError(f"gamma and alpha are not orthogonal: (gamma, alpha) = {worst:.6g}")
+        raise InputError(f"gamma and alpha must be orthogonal, but (gamma, alpha) = {worst:.6g}")
     # Orthogonal to rounding. γ is kept because the dynamics depend on it; α is only the heading.
     alpha = alpha - cosine * gamma
     alpha = alpha / np.linalg.norm(alpha, axis=-1, keepdims=True)
@@ -274,7 +276,7 @@ def unit(name: str, v: Array) -> Array:
     """Return `v` (n,) normalised. Raises InputError if it is not a unit vector."""
     length = math.hypot(*v.tolist())  # does not overflow
     if not abs(length - 1) <= _CAPTION:
-        raise InputError(f"{name} is not of unit length: |{name}| = {length:.6g}")
+        raise InputError(f"{name} must have length 1, but |{name}| = {length:.6g}")
     return normalised(v)
 
 
@@ -286,8 +288,8 @@ def horizontal(M: Array, scale: float) -> Array:
     """
     size, vertical = math.hypot(*M.tolist()), float(M[2])
     if not abs(vertical) <= max(_CAPTION * size, _START_ROUNDING * scale):
-        fault = f"(M, gamma) = {vertical:.6g} of |M| = {size:.6g} kg m²/s"
-        raise InputError(f"M is not horizontal, which the rubber model needs (3.1): {fault}")
+        fault = f"but (M, gamma) = {vertical:.6g} and |M| = {size:.6g} kg m²/s"
+        raise InputError(f"M must be horizontal in the rubber model (equation (3.1)), {fault}")
     return M * [1.0, 1.0, 0.0]
 
 
@@ -295,8 +297,9 @@ def check_no_spin(shell: Array, gamma: Array) -> None:
     """Raise InputError if the shell's ω - Ω (3,) has a component along γ, against (2.2)."""
     spin = float(shell @ gamma)
     if not abs(spin) <= _CAPTION * float(np.linalg.norm(shell)):
-        fault = f"the shell spins, which the rubber model forbids: (ω - Ω, γ) = {spin:.6g} rad/s"
-        raise InputError(f"angular_velocity: {fault} (2.2)")
+        fault = f"the shell's spin (ω - Ω, γ) is {spin:.6g} rad/s"
+        rule = "but must be 0 in the rubber model (equation (2.2))"
+        raise InputError(f"angular_velocity: {fault}, {rule}")
 
 
 @dataclass(frozen=True)
@@ -412,7 +415,7 @@ class Scene(Value):
         name = "gravity_direction"
         down = unit(name, as_floats(name, self.gravity_direction, (3,)))
         if not down[2] < 0:
-            line = f"its Z must be negative, not {down[2]:.6g}"
+            line = f"its component Z must be negative, not {down[2]:.6g}"
             raise InputError(f"gravity_direction must press the ball on the plane: {line}")
         self._set(gravity_direction=tuple(down.tolist()))
         self._set(start=self._exact(self.start))
@@ -440,12 +443,12 @@ class Scene(Value):
                 continue
             if kind == "torsional" and self.rolling == "classical":
                 raise InputError(
-                    f"the start's slip has a spin of {value:g} rad/s, which the classical model "
-                    "has in M: give it with the momentum or the angular velocity"
+                    f"the start's slip has a spin of {value:g} rad/s, but in the classical model "
+                    "the spin is part of M: give the spin with the momentum or the angular velocity"
                 )
             raise InputError(
                 f"the start's slip is {slip.tolist()}, but friction.{kind} has no limit: give "
-                "friction a value, or start without this slip"
+                f"friction.{kind} a value, or start without this slip"
             )
 
     def _check_motors(self) -> None:
@@ -455,14 +458,14 @@ class Scene(Value):
             for name, ratio in actuator.gears:
                 check_size(f"{actuator.name}'s gear", ratio)
                 if name not in motorized:
-                    known = f"choose from {', '.join(motorized) or 'none'}"
-                    line = f"its rate is prescribed, or there is none; {known}"
-                    raise InputError(f"{actuator.name} cannot move the hinge {name!r}: {line}")
+                    line = "that hinge has a prescribed rate, or does not exist"
+                    known = f"hinges with a motor: {', '.join(motorized) or 'none'}"
+                    raise InputError(f"{actuator.name} cannot move {name!r}: {line}; {known}")
         if self.controller is not None and not self.actuators:
             from robotball.robot.motors import Free  # few scenes have a controller
 
             if all(isinstance(hinge.motor, Free | None) for hinge in self.hinges):
-                line = "has no motor for the controller: give a hinge one, for example Servo"
+                line = "has no motor for the controller: give a hinge a motor, for example Servo"
                 raise InputError(f"{self.name} {line}")
 
     def __repr__(self) -> str:
@@ -517,7 +520,7 @@ class Scene(Value):
     def plane_drives(self) -> tuple[Drive, ...]:
         """The acceleration of the plane along X, Y and Z."""
         if len(self.plane_motion) != 3:
-            raise InputError(f"plane_motion must be 3 rates, X, Y and Z: not {self.plane_motion}")
+            raise InputError(f"plane_motion must be 3 rates (X, Y, Z), not {self.plane_motion}")
         return tuple(map(self._drive, map("the plane along {}".format, "XYZ"), self.plane_motion))
 
     @cached_property
@@ -645,7 +648,7 @@ class Scene(Value):
         if self.ball.pendulums:
             return "a pendulum moves the centre of mass"
         if self.ball.general:
-            return "its bodies are a tree of links, or its shell is not symmetric"
+            return "the bodies are a tree of links, or the shell is not symmetric"
         if any(hinge.motor for hinge in self.hinges):
             return "a hinge has a motor, so its rate is not prescribed"
         if not self.level:
@@ -659,8 +662,9 @@ class Scene(Value):
     def check_reduced(self) -> None:
         """Raise InputError if (3.2) and (3.3) do not describe the scene."""
         if self.not_reduced:
-            needed = "a balanced ball with given rates on a level plane, (3.2) and (3.3)"
-            raise InputError(f"{self.name}: {self.not_reduced}; this needs {needed}")
+            needed = "need a balanced ball with given rates on a level plane"
+            why = self.not_reduced
+            raise InputError(f"{self.name}: equations (3.2) and (3.3) {needed}, but {why}")
 
     @property
     def load_varies(self) -> bool:
@@ -762,7 +766,7 @@ class Scene(Value):
         """The numbers of (3.2) or (3.3), in principal axes; InputError unless they are constant."""
         self.check_reduced()
         if not self.steady:
-            raise InputError(f"{self.name}: drives or plane change in time; use parameters_at(t)")
+            raise InputError(f"{self.name}: a drive or the plane varies; use parameters_at(t)")
         return self._first_parameters
 
     @cached_property

@@ -46,8 +46,8 @@ _HungTable = tables.FrameTable | tables.RotorTable | tables.PendulumTable
 _THIN = 1e-9  # of m a², added to the moments of a body whose mass lies on a line
 _SIGNS = [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=3)]
 _START_FORMS = (
-    "section, or gamma and momentum, or an attitude (attitude, or gamma and alpha) with one of "
-    "momentum, momentum_world, angular_velocity and rest (M = 0; a ball at rest has "
+    "(1) section; (2) gamma and momentum; (3) attitude, or gamma and alpha, with one of momentum, "
+    "momentum_world, angular_velocity and rest (rest means M = 0; a ball that does not move has "
     "angular_velocity = [0, 0, 0])"
 )
 _MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}
@@ -227,14 +227,14 @@ def _ball(table: tables.SceneTable, folder: Path) -> Ball:
     """Return the ball of a scene's bodies, or one designed for its numbers."""
     if (numbers := table.numbers) is not None:
         if table.shell or table.frame or table.rotor or table.pendulum:
-            raise InputError("a scene takes bodies or numbers, not both")
+            raise InputError("a scene needs bodies or [numbers], not both")
         from robotball.design.designing import design  # few scenes have no bodies
 
-        A = _tensor("numbers.A takes a diagonal of three, or three rows of three", numbers.A)
+        A = _tensor("numbers.A must be a diagonal of three, or three rows of three", numbers.A)
         return design(A, numbers.Omega, numbers.K, numbers.radius, numbers.mass).ball
     if table.shell is None or table.frame is None:
         missing = "frame" if table.shell else "shell"
-        raise InputError(f"key {missing!r} is missing; a scene takes shell and frame, or numbers")
+        raise InputError(f"key {missing!r} is missing; a scene needs shell and frame, or numbers")
     bodies: list[tuple[str, _HungTable]] = [("frame", table.frame)]
     bodies += [(f"rotor{i}", rotor) for i, rotor in enumerate(table.rotor, start=1)]
     bodies += [(f"pendulum{i}", pendulum) for i, pendulum in enumerate(table.pendulum, start=1)]
@@ -258,7 +258,7 @@ def _shell(table: tables.ShellTable, solids: list[Solid]) -> Shell:
     off = float(np.linalg.norm(solid.centre - offset * axis))
     if off > SYMMETRIC * radius:
         line = f"shell's centre of mass is {off:.6g} m off its axis"
-        raise InputError(f"{line}; parts that are not symmetric about it belong to the frame")
+        raise InputError(f"{line}; move parts that are not symmetric about the axis to the frame")
     moments = solid.moments_about("shell", axis, "part of the frame")
     return Shell(radius, solid.mass, *moments, axis, offset, shapes=solid.shapes)
 
@@ -310,14 +310,14 @@ def _solid(name: str, table: _HungTable, axis: Array, radius: float, solids: lis
         if isinstance(table.inertia, tables.Axial):
             tensor = axial_tensor(table.inertia.axial, table.inertia.transverse, axis)
         else:
-            expected = f"{name}.inertia takes three moments, or three rows of three"
+            expected = f"{name}.inertia must be three moments, or three rows of three"
             tensor = _tensor(expected, table.inertia or [])
         return Solid(table.mass, np.array(table.centre or (0.0, 0.0, 0.0)), tensor)
     solid = composed(solids or _part_solids(name, table.part, axis))
     least, largest = np.linalg.eigvalsh(solid.inertia)[0], np.abs(solid.inertia).max()
     if table.part and not least > SYMMETRIC * largest:
         if isinstance(table, tables.RotorTable):
-            raise InputError(f"{name}'s parts lie on its axis, so they have no moment about it")
+            raise InputError(f"{name}'s parts lie on its axis, so {name} has no axial moment")
         # A point or a thin rod: MuJoCo's bodies need moments, and these keep RK4 at order 4.
         solid = replace(solid, inertia=solid.inertia + _THIN * solid.mass * radius**2 * np.eye(3))
     solid.check_within(name, radius)
@@ -451,7 +451,7 @@ def _rolling_start(table: tables.StartTable, ball: Ball) -> Start:
             return Start(attitude, rotation_matrix(attitude) @ np.array(table.momentum))
         return Start(attitude, np.array(table.momentum_world or (0.0, 0.0, 0.0)))
     keys = ", ".join(sorted(given)) or "nothing"
-    raise InputError(f"start gives {keys}; it takes one form: {_START_FORMS}")
+    raise InputError(f"start gives {keys}; give one of these forms: {_START_FORMS}")
 
 
 def _turning(scene: Scene, omega: Array) -> Scene:

@@ -84,16 +84,16 @@ def _worded(path: str, error: str, keys: object) -> str:
         return f"unknown value {invalid[1]}{_listed(path)}"
     if bound := re.match(r"Expected `float` (>=?) 0.0$", error):
         least = "positive" if bound[1] == ">" else "0 or more"
-        return f"it must be {least}, not {_value_at(keys, path):g} {unit_at(path)}"
+        return f"the value must be {least}, not {_value_at(keys, path):g} {unit_at(path)}"
     if expected := re.match(r"Expected (.*), got `?(\w+)`?$", error):
         # [rotor] in place of [[rotor]] is a common mistake, and gives a table instead of a list.
         if path.split(".")[-1] in _MANY and expected[2] == "object":
-            return f"a scene may have many; write [[{path}]] for each"
+            return f"a scene may have several: write [[{path}]] for each of them"
         # An optional key is a union with null, which TOML does not have.
         types, actual = expected[1].replace(" | null", ""), expected[2]
         types = re.sub(r"`array` of length (\d+)", r"a list of \1", types).replace(" | ", " or ")
         types = re.sub(r"\w+", lambda name: _WORDS.get(name[0], name[0]), types).replace("`", "")
-        return f"it must be {types}, not {_WORDS.get(actual, actual)}"
+        return f"the value must be {types}, not {_WORDS.get(actual, actual)}"
     return error
 
 
@@ -105,7 +105,7 @@ def _value_at(keys: Any, path: str) -> float:
 
 def _listed(path: str) -> str:
     known = ", ".join(dict.fromkeys(_values_at(path)))
-    return f"; it takes {known}" if known else ""
+    return f"; choose from {known}" if known else ""
 
 
 def tables_at(path: str) -> list[inspect.StructType]:
@@ -181,7 +181,7 @@ def ask(path: Path, scene: Scene) -> None:
     else:
         numbers = _numbers_of(scene)
         questions = [q for number in numbers for q in _question(*number, limits.get(number[1]))]
-    more = f" More such numbers: {len(questions) - 1}" if questions[1:] else ""
+    more = f" Other such numbers in the file: {len(questions) - 1}" if questions[1:] else ""
     for question in questions[:1]:
         warn(f"{path}: {counted(question)}{more}", UnitWarning)
 

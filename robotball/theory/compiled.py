@@ -63,7 +63,7 @@ class Compiled:
     def _compiled_or_loaded(self) -> Any:
         folder = _folder_for(self._source, self._options)
         if folder is None or not folder.exists():
-            _say_once("robotball: compiling to machine code, only this once: 10 s to a minute")
+            _say_once("robotball: compiling to machine code, only once: 10 s to a minute")
         try:
             return self._compiled(folder)
         except OSError as error:

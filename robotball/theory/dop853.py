@@ -113,7 +113,7 @@ class Compensated:
                 self.next_step = length * min(most, factor)
                 return None
             length, most = length * max(_LEAST, factor), 1.0
-        return "the step for its tolerance is shorter than the spacing of numbers"
+        return "the tolerance needs steps below the spacing of floating-point numbers"
 
     def within(self, times: Array) -> Array:
         """Return states (m, n) at times (m,) in the last step."""

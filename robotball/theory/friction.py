@@ -172,7 +172,7 @@ def _record(system: System, t: float, *, slips: bool) -> None:
     if len(system.slip_events) > _MOST_EVENTS:
         raise InputError(
             f"{system.scene.name}: the shell changes between stick and slip {_MOST_EVENTS} times "
-            f"until t = {t:.6g} s: shorten the motion, or give no friction"
+            f"until t = {t:.6g} s: shorten the motion, or remove the limits of friction"
         )
 
 

@@ -57,7 +57,7 @@ def check_still(scene: Scene, what: str) -> None:
 def check_no_turn(scene: Scene, what: str) -> None:
     """Raise InputError if the plane turns, which `what` cannot express."""
     if scene.plane_turns:
-        raise InputError(f"{scene.name}: {what} cannot have a plane that turns")
+        raise InputError(f"{scene.name}: {what} cannot have a turning plane")
 
 
 def check_pressed(scene: Scene) -> None:

@@ -219,7 +219,7 @@ def editable(
                 return Editable(whole, text, moved, sphere, plane, pair, replaced is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
-    raise InputError(f"{robot.path} cannot be mended: rewritten, it is a different robot")
+    raise InputError(f"{robot.path} cannot be mended: rewriting the file changes the robot")
 
 
 def _rewritten(robot: RobotFile) -> bytes:

@@ -235,9 +235,9 @@ class RobotFile:
             return f"{rule}; give geoms for drawing contype and conaffinity 0"
         if model.body_weldid[bodies[0]]:
             other = body_name(model, model.body_rootid[bodies[0]])
-            return f"{other} moves on its own, and the equations have one robot: take {other} out"
+            return f"{other} is another robot, but the equations have only one: remove {other}"
         if gap > _HEIGHT * self.radius:
-            return f"it starts {gap:.3g} m above the plane, and would fall on that: start lower"
+            return f"the robot starts {gap:.3g} m above the plane and would fall: start lower"
         return "only the plane may touch the robot at its start"
 
     def rolls(self, pair: Iterable[int]) -> bool:
@@ -326,7 +326,7 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         repairs = dict([*_plane_added(spec, model, shell), *_free_joint_added(spec, model, shell)])
         if repairs:
             model = spec.compile()
-        notes = [f"{file} is missing and left out; it is only drawn" for file in missing]
+        notes = [f"{file} is missing; left out, because it is only for drawing" for file in missing]
         _check_supported(model)
         sphere = _sphere(model, shell)
         plane = _floor(model, sphere)
@@ -334,7 +334,7 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         raise InputError(f"{path}: {in_words(str(error))}") from None
     notes += [*_inferred(spec), *_balanced(spec), *_ignored(model, sphere, plane)]
     if _root_tag(path) == "robot":
-        notes = [f"{words}, as a URDF has none" for words in repairs.values()] + notes
+        notes = [f"{words}, because a URDF has none" for words in repairs.values()] + notes
         repairs = {}
     return RobotFile(path, spec, model, sphere, plane, tuple(notes), repairs)
 
@@ -348,8 +348,8 @@ def _sphere(model: Any, shell: str | None) -> int:
     """Return the number of the geom that rolls: with this name or body, or the largest."""
     spheres = np.flatnonzero(_solid(model) & (model.geom_type == _SPHERE)).tolist()
     if not spheres:
-        needed = "the shell needs a geom of type sphere with contype or conaffinity"
-        raise InputError(f"no sphere can touch the plane; {needed}; a mesh rolls on its corners")
+        needed = "the shell needs a geom of type sphere with a nonzero contype or conaffinity"
+        raise InputError(f"no sphere can touch the plane: {needed} (a mesh rolls on its corners)")
     # A sphere of the world is a marker, if there is another.
     spheres = [i for i in spheres if model.geom_bodyid[i]] or spheres
     names = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
@@ -362,8 +362,8 @@ def _sphere(model: Any, shell: str | None) -> int:
     outermost = [i for i in spheres if model.geom_size[i, 0] == largest]
     if len(outermost) > 1:
         several = ", ".join(" of ".join(filter(None, names[i])) for i in outermost)
-        line = f"several spheres of {largest:g} m could roll: {several}; name one with `--shell`"
-        raise InputError(f"{line} or `shell`, or give the others contype and conaffinity 0")
+        line = f"several spheres of {largest:g} m could roll: {several}; choose one with `--shell`"
+        raise InputError(f"{line} or `shell`, or set contype and conaffinity of the others to 0")
     return outermost[0]
 
 
@@ -395,12 +395,12 @@ def _plane_added(spec: Any, model: Any, shell: str | None) -> Iterator[tuple[str
     if len(_floors(model, sphere)):
         return
     if others := _standing(model, sphere):
-        floor = f"{_kind(model, others[0])}, and the equations need a plane or a box"
+        floor = f"{_kind(model, others[0])}, but the ball must roll on a plane or a box"
         raise InputError(f'{floor}: put <geom type="plane" size="1 1 .1"/> there')
     roots = model.body_rootid[model.geom_bodyid]
     if len(moving := np.flatnonzero(_solid(model) & (roots != roots[sphere]))):
-        floor = f"{_kind(model, moving[0])} that moves, and the equations need a floor that stays"
-        raise InputError(f"{floor}: fix it to the world, or add a plane")
+        floor = f"{_kind(model, moving[0])} that moves, but the ball must roll on a fixed floor"
+        raise InputError(f"{floor}: fix the geom to the world, or add a plane")
     height = round(float(_placed(model).geom_xpos[sphere, 2] - model.geom_size[sphere, 0]), 9)
     spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1], pos=[0, 0, height])
     yield "floor", f"there is no floor; a plane is added under the sphere, at height {height:g} m"
@@ -443,14 +443,14 @@ def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[tupl
     joints = model.jnt_type[model.jnt_bodyid == root].tolist()
     name = body_name(model, root)
     if root == 0:
-        raise InputError("the sphere belongs to the world; give its body a freejoint")
+        raise InputError("the sphere belongs to the world: put it in a body with a <freejoint/>")
     if not joints:
         _add_free_joint(spec, model, root)
-        yield "freejoint", f"{name} has no joint and is fixed to the world; it gets a <freejoint/>"
+        yield "freejoint", f"{name} has no joint and is fixed to the world; <freejoint/> is added"
     elif joints != [_FREE]:
         own = np.flatnonzero(model.jnt_bodyid == root).tolist()
         others = ", ".join(model.joint(i).name or f"joint {i}" for i in own)
-        raise InputError(f"{name} needs a <freejoint/> in place of {others}")
+        raise InputError(f"{name} must be free: replace its {others} by a <freejoint/>")
     else:
         joint, found = spec.bodies[root].joints[0], dict[str, str]()
         for kind in ("damping", "armature", "frictionloss", "stiffness"):
@@ -483,12 +483,12 @@ def _add_free_joint(spec: Any, model: Any, root: int) -> None:
 _UNSUPPORTED = {
     "an equality constraint": "eq_active0",
     "the drag of a medium (density or viscosity)": "opt.density opt.viscosity",
-    "gravcomp, which takes weight off the plane,": "body_gravcomp",
+    "gravcomp": "body_gravcomp",
     "a tendon with a spring, a damper, friction or limits":
         "tendon_stiffness tendon_damping tendon_frictionloss tendon_limited",
-    "an actuatorfrcrange or armature of a tendon": "tendon_actfrclimited tendon_armature",
+    "a tendon with actuatorfrcrange or armature": "tendon_actfrclimited tendon_armature",
     "an actuator's delay": "actuator_delay",
-    "damping of an actuator that is not constant": "actuator_dampingpoly",
+    "an actuator with damping that is not constant": "actuator_dampingpoly",
     "a plugin": "nplugin",
     "a joint that yields (springyield)": "jnt_springyield",
     "a surface that moves (surfacevel)": "geom_surfacevel",
@@ -517,7 +517,7 @@ def _inferred(spec: Any) -> Iterator[str]:
     if any(body.explicitinertial for body in bodies):
         for body in bodies:
             if not body.explicitinertial and any(geom.mass != geom.mass for geom in body.geoms):
-                yield f"{body.name} has no inertial; its mass follows from the density of its geoms"
+                yield f"{body.name} has no inertial; its mass is computed from its geoms' density"
 
 
 def _balanced(spec: Any) -> Iterator[str]:
@@ -658,7 +658,7 @@ def start_misses(
         yield f"it starts {abs(gap):.3g} m {'above' if gap > 0 else 'in'} the plane", "on it"
     slip = float(np.linalg.norm(robot.slip(data, kept)))
     if slip > _rounding(robot.moving(data)):
-        yield f"its contact point starts at {slip:.3g} m/s", "without slipping"
+        yield f"its contact point slips at {slip:.3g} m/s at the start", "without slip"
 
 
 def starts_off(robot: RobotFile, data: Any, kept: Array | None = None) -> Iterator[str]:
@@ -666,12 +666,12 @@ def starts_off(robot: RobotFile, data: Any, kept: Array | None = None) -> Iterat
     for miss, instead in start_misses(robot, data, kept):
         yield f"{miss}; the equations start {instead}"
     if robot.contact(data).dim == 1:
-        yield "its contact has no friction (condim 1); the equations roll"
+        yield "its contact has no friction (condim 1); in the equations the ball rolls"
     # Parts inside the shell may touch it.
     model, pairs = robot.model, data.contact.geom
     near = pairs[(pairs == robot.sphere)[:, ::-1]]
     for name in sorted({body_name(model, model.geom_bodyid[i]) for i in near if i != robot.plane}):
-        yield f"{name} touches the shell; in the equations it passes through"
+        yield f"{name} touches the shell, but passes through it in the equations"
 
 
 def default_class(robot: RobotFile, kind: str) -> str:
@@ -773,7 +773,7 @@ def _fixed_to(
     yield body, origin, axes
     for child in body.bodies:
         if child.joints:
-            raise InputError(f"{root} carries {child.name!r}, which moves; use a body for each")
+            raise InputError(f"{root} carries {child.name!r}, which moves: give a table for each")
         turned = axes @ rotation_matrix(child.quat)
         yield from _fixed_to(child, root, origin + axes @ child.pos, turned)
 

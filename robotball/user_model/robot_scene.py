@@ -64,7 +64,7 @@ def scene_of_robot(path: Path, table: Mapping[str, Any], controls: _Controls = _
     for features that the equations do not have.
     """
     if "robot" not in table:
-        raise InputError("controls need a robot file, which this scene does not name")
+        raise InputError("controls need a scene with a robot file")
     for name in table:
         if name not in RobotTable.__struct_fields__:
             raise unknown("key beside robot", name, RobotTable.__struct_fields__)
@@ -97,7 +97,7 @@ def scene_of(
     gravity = float(np.linalg.norm(down))
     check_positive("gravity", gravity, "m/s²")
     if down[2] >= 0:
-        remedy = 'a level plane needs gravity="0 0 -9.81"'
+        remedy = 'for a level plane give gravity="0 0 -9.81"'
         raise InputError(f"gravity does not press the sphere on the plane; {remedy}")
     level = down[2] < -LEVEL * gravity
     rolling = rolling or rolling_of(contact)
@@ -176,12 +176,12 @@ def _actuators(
         if moved.keys().isdisjoint(links):
             continue
         if len(moved) > 1 and (model.actuator_armature[i] or model.actuator_damping[i]):
-            raise InputError(f"{name}: an actuator with armature or damping must move one joint")
+            raise InputError(f"{name} has armature or damping, so it must move only one joint")
         low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else _NO_LIMITS
         for joint, ratio in moved.items():
             if model.jnt_actfrclimited[joint]:
                 if len(moved) > 1 or moved_by[joint] > 1 or not ratio:
-                    line = "with actuatorfrcrange a joint needs one actuator for itself"
+                    line = "a joint with actuatorfrcrange needs an actuator for this joint alone"
                     raise InputError(f"{model.joint(joint).name}: {line}")
                 ends = sorted(model.jnt_actfrcrange[joint] / ratio)
                 low, high = max(low, ends[0]), min(high, ends[1])
@@ -208,7 +208,7 @@ def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
     if kind == _STATELESS:
         return None
     if kind not in (_INTEGRATOR, *_FILTERS) or model.actuator_actnum[i] != 1:
-        raise InputError(f"{name}: a muscle, PID or DC motor is unsupported; use a filter")
+        raise InputError(f"{name}: muscle, PID and DC motor are unsupported; use dyntype filter")
     limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
     settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
     if settling is not None:

@@ -36,10 +36,10 @@ _REMEDIES = {
     "mass and inertia of moving bodies must be larger than mjMINVAL":
         "a body that moves needs a mass and an inertia: give it a geom or an <inertial>",
     "inertia must satisfy A + B >= C; use 'balanceinertia' to fix":
-        "impossible inertia: no moment exceeds the sum of the others; a solid ball has 2/5 m r²",
+        "impossible inertia: a moment exceeds the sum of the others; a solid ball has 2/5 m r²",
 }  # fmt: skip
 _FAULTS = {
-    "MISMATCHED_ELEMENT": "{} is not closed, or closed by another tag",
+    "MISMATCHED_ELEMENT": "{} is not closed, or is closed by another tag",
     "PARSING_ATTRIBUTE": "an attribute of {} is given twice, or its value has no quotes",
     "PARSING": "{} is not closed at the end of the file",
     "PARSING_TEXT": "there is text outside of the elements",
@@ -56,7 +56,7 @@ def check_format(path: Path) -> None:
     if path.suffix not in MODEL_FILES:
         instead = _INSTEAD.get(path.suffix, "")
         suffixes = f"{' or '.join(MODEL_FILES)}{instead.format(path)}"
-        raise InputError(f"{path}: a scene is a TOML file, a robot MJCF or URDF, named {suffixes}")
+        raise InputError(f"{path}: MJCF and URDF files of robots must be named {suffixes}")
 
 
 def check_loads(path: Path, how: str = "compiled") -> None:
@@ -67,7 +67,7 @@ def check_loads(path: Path, how: str = "compiled") -> None:
     try:
         str(path).encode()
     except UnicodeEncodeError:
-        line = "this locale cannot represent the name: set LC_ALL=C.UTF-8, or rename it"
+        line = "this locale cannot represent the name: set LC_ALL=C.UTF-8, or rename the file"
         raise InputError(f"{path}: {line}") from None
     contents(path)  # refuses what cannot be read
     try:
@@ -114,7 +114,7 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
             body = geom.parent
             weighs = geom.mass != 0 and (by_geoms or not body.explicitinertial)
             if weighs or geom.contype or geom.conaffinity:
-                raise InputError(f"there is no {place}, which gives {body.name} mass or contacts")
+                raise InputError(f"{place} is missing, but gives {body.name} its mass or contacts")
             spec.delete(geom)
         spec.delete(mesh)
         missing.append(mesh.file)

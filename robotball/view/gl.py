@@ -51,9 +51,9 @@ def advice() -> str:
     platform_of_pyopengl = os.environ.get("PYOPENGL_PLATFORM")
     if chosen and platform_of_pyopengl not in (None, "", chosen):
         both = f"MUJOCO_GL={chosen} and PYOPENGL_PLATFORM={platform_of_pyopengl}"
-        return f"no off-screen GL with {both}; unset both, or name the same one twice"
+        return f"no off-screen GL with {both}; unset both, or set both to the same value"
     if chosen:
-        return f"no off-screen GL with MUJOCO_GL={chosen}; unset it, or name one that works here"
+        return f"no off-screen GL with MUJOCO_GL={chosen}; unset MUJOCO_GL, or try another value"
     fix = _FIX.get(platform.system(), "an OpenGL driver")
     return f"no off-screen GL; video needs: {fix}"
 

@@ -444,7 +444,7 @@ def film(
     motions = [motions] if isinstance(motions, Motion) else motions
     if path.suffix not in _FORMATS or not path.parent.is_dir():
         kinds = ", ".join(_FORMATS)
-        raise InputError(f"a video must be a file ({kinds}) in a folder that exists, not {path}")
+        raise InputError(f"{path}: a video must end with {kinds} and be in a folder that exists")
     codec, rate, encoding = _FORMATS[path.suffix]
     # Before the file is opened, so that an error leaves no file behind.
     pictures, number = frames(motions, how), len(how.times(motions))

@@ -114,7 +114,7 @@ def check_model(
             observation = observe(user, rolling, compared, accuracy, show)
         except InputError as refusal:
             if gain := too_high_gain(user):
-                raise InputError(f"{refusal}; perhaps gain: {gain.words}") from None
+                raise InputError(f"{refusal}; perhaps the gain: {gain.words}") from None
             raise
         trials, obstacle = _first_trials(observation, show)
         if obstacle is None:
@@ -126,7 +126,7 @@ def check_model(
     if theory.ended:
         short = f"limit: {theory.ended} of {duration:.3g} s"
     elif end < observation.duration - observation.interval / 2:
-        short = f"only {end:.3g} s of {duration:.3g} s are checked: all would take too long"
+        short = f"only {end:.3g} s of {duration:.3g} s are checked: the rest would take too long"
     changes, needed = trials.changes, list[tuple[Change, float]]()
     if observation.judged and (observation.failure or observation.error > accuracy):
         changes = _sufficient(trials)

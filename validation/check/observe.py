@@ -165,16 +165,16 @@ def observe(
     if failure:
         path[theory.times >= symptoms.until] = np.nan
     elif path[0, 2] < -ALOFT_HEIGHT * robot.radius:
-        failure = f"starts {-path[0, 2]:.3g} m in the plane"
+        failure = f"starts {-path[0, 2]:.3g} m below the plane's surface"
     elif (sunk := -np.nanmin(path[:, 2])) > _SUNK * robot.radius:
         failure = f"sinks {sunk:.2g} m into the plane"
     elif impossible := [it.words for it in unusual_inertias(robot) if it.is_impossible]:
-        failure = f"no body can have its numbers: {impossible[0]}"
+        failure = f"no body can have these numbers: {impossible[0]}"
     elif not judged:
         turn = float(np.abs(path[:, 3]).max()) / robot.radius
         spins = f"spins on the spot, by {turn:.3g} rad"
         failure = f"{spins if turn > _LEAST_PATH else 'stands still'}: the file and ideal rolling "
-        failure += f"move by less than a tenth of the radius in {end:.3g} s; see --control"
+        failure += f"move by less than a tenth of the radius in {end:.3g} s; give a --control"
     elif _is_stuck(path, theory):
         failure = f"stuck. Moved {_reach(path):.2g} m in {end:.3g} s; "
         failure += f"ideal rolling moves {theory.path_length:.3g} m"
@@ -253,10 +253,10 @@ def _references(
                     theory = _integrated(scene.ideal, times, rtol, show)
                 theories[rolling] = theory
         except (InputError, _SlowError) as error:
-            causes = (f"; perhaps {name}: {it}" for name, it in unusual_numbers(user, scene))
+            causes = (f"; perhaps the {name}: {it}" for name, it in unusual_numbers(user, scene))
             words = str(error).partition(": shorten")[0]
             if "lifts off" in words:
-                words += "; a motor, a spring or the start is too strong: lower its control or rate"
+                words += "; lower the controls, the stiffness of springs or the rates of the start"
             refusal = InputError(f"{words}{''.join(causes)}")
             if isinstance(error, _SlowError):
                 break
@@ -379,14 +379,14 @@ def unusual_numbers(user: UserModel, scene: Scene) -> Iterator[tuple[str, str]]:
     density = scene.ball.mass / (4 / 3 * np.pi * scene.ball.radius**3)
     if density > _DENSEST:
         words = f"the robot has {scene.ball.mass:.3g} kg in a sphere of {scene.ball.radius:.3g} m"
-        yield "mass", f"{words}, or {density:.3g} kg/m³; the densest metal has {_DENSEST:g} kg/m³"
+        yield "mass", f"{words}: {density:.3g} kg/m³; the densest metal has {_DENSEST:g} kg/m³"
     yield from (("range", words) for words in _inverted_ranges(user.robot.model))
     if abs(scene.gravity / GRAVITY - 1) > _GRAVITY:
-        yield "gravity", f"{scene.gravity:g} m/s²; the Earth has {GRAVITY:g} m/s²"
+        yield "gravity", f"{scene.gravity:g} m/s², but the Earth has {GRAVITY:g} m/s²"
     level = np.allclose(user.robot.plane_axes(user.begin()), np.eye(3))
     if level and scene.gravity_direction != DOWN:
         tilt = np.degrees(np.arccos(-scene.gravity_direction[2]))
-        yield "gravity", f"tilted by {tilt:.3g} deg, above a level plane"
+        yield "gravity", f"gravity is tilted by {tilt:.3g} deg, but the plane is level"
     rolling, radius = scene.friction.rolling, scene.ball.radius
     if rolling > _ROLLING_FRICTION * radius:
         words = f"declared rolling friction is {rolling:g} m, {rolling / radius:.0%} of the radius"
@@ -399,11 +399,11 @@ def _wrong_gains(scene: Scene) -> Iterator[tuple[str, str]]:
     """Yield actuators without a gain, and servos that drive a joint away from their command."""
     for actuator in scene.actuators:
         if not (actuator.law.per_command or actuator.law.at_rest):
-            yield "gain", f"{actuator.name} exerts no force on its command: its gain is 0"
+            yield "gain", f"{actuator.name} exerts no force, because its gain is 0"
         for kind, gain in (("kp", actuator.law.per_angle), ("kv", actuator.law.per_rate)):
             if gain < 0:
                 words = f"{actuator.name}: {kind} = {gain:.3g} is negative"
-                yield "gain", f"{words}; it drives the joint away from its command"
+                yield "gain", f"{words}, so the joint moves away from the command"
 
 
 def _unusual_gears(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -436,7 +436,7 @@ def _ranges_of_many_turns(model: Any) -> Iterator[str]:
         low, high = model.jnt_range[i]
         if (turns := (high - low) / (2 * np.pi)) > _TURNS:
             name = model.joint(i).name
-            words = f"{name} has the range {low:g} to {high:g} rad, {turns:.3g} turns"
+            words = f"{name} has the range {low:g} to {high:g} rad, which is {turns:.3g} turns"
             yield f'{words}; if these are degrees, the compiler needs angle="degree"'
 
 
@@ -474,14 +474,14 @@ def unusual_inertias(robot: RobotFile) -> Iterator[_Inertia]:
         of = f"{name} has a moment of inertia of {moment:.3g} kg m²"
         if away > reach and mass:
             words = f"{name} has its centre of mass {away:.3g} m from the middle of the sphere"
-            yield _Inertia(body, f"{words}; it and its geoms reach {reach:.3g} m", True)
+            yield _Inertia(body, f"{words}, but sphere and geoms reach only {reach:.3g} m", True)
         elif moment > most * (1 + _ROUNDING):
             usual = min(solid or np.inf, 2 / 5 * most)
             words = f"{of}; {mass:.3g} kg within {reach:.3g} m have at most {most:.2g}, "
-            yield _Inertia(body, f"{words}a solid ball {usual:.2g}", True, usual)
+            yield _Inertia(body, f"{words}and a solid ball has {usual:.2g}", True, usual)
         elif mass and (far := np.sqrt(moment / mass + away**2)) > _FAR * robot.radius:
-            words = f"{name} has its mass {far:.3g} m from the middle of the sphere"
-            yield _Inertia(body, f"{words}, whose radius is {robot.radius:.3g} m")
+            words = f"the mass of {name} is {far:.3g} m from the middle of the sphere"
+            yield _Inertia(body, f"{words}; the sphere's radius is {robot.radius:.3g} m")
         elif robot.spec.bodies[body].explicitinertial and moment < _SMALL_INERTIA * solid:
             yield _Inertia(body, f"{of}; a solid ball of its mass and size has {solid:.2g}")
 
@@ -506,4 +506,4 @@ def _inverted_ranges(model: Any) -> Iterator[str]:
         for i, (low, high) in enumerate(getattr(model, field)):
             if low > high:
                 name = (model.joint if owner == "jnt" else model.actuator)(i).name
-                yield f"{name} has the {kind} {low:g} to {high:g}: it is inverted, without effect"
+                yield f"{name} has the inverted {kind} {low:g} to {high:g}, which has no effect"

@@ -189,7 +189,7 @@ def steps_of(user: UserModel, longest: float = _TIME_CONSTANT / 2) -> list[float
 def _gain(seen: Observation) -> Iterator[Change]:
     """An explicit integrator is unstable under a high gain; implicitfast is stable at any."""
     if gain := too_high_gain(seen.user):
-        words = f"{gain.words}, implicitfast at any gain"
+        words = f"{gain.words}; implicitfast is stable at any gain"
         yield Change("gain", words, option={"integrator": "implicitfast"})
 
 
@@ -210,8 +210,8 @@ def _solver(seen: Observation) -> Iterator[Change]:
         "tolerance": option.tolerance > _TOLERANCE,
     }
     if changed := {name: _SOLVER[name] for name, stops in stops_early.items() if stops}:
-        words = f"the solver stops early: {option.iterations} iterations, "
-        words += f"{option.ls_iterations} of a line search, tolerance {option.tolerance:g}"
+        words = f"the solver stops early: iterations {option.iterations}, "
+        words += f"ls_iterations {option.ls_iterations}, tolerance {option.tolerance:g}"
         yield Change("solver", words, option=changed)
 
 
@@ -222,7 +222,7 @@ def _condim(seen: Observation) -> Iterator[Change]:
     if condim != needed:
         free = "allows slip" if condim == 1 else "allows spin"
         effect = free if condim < needed else "resists more than it should"
-        words = f"condim {condim} {effect}; {scene.rolling} rolling has {needed}"
+        words = f"condim {condim} {effect}; {scene.rolling} rolling needs condim {needed}"
         words += default_class(seen.user.robot, "condim")
         yield Change("condim", words, pair={"condim": str(needed)})
 
@@ -230,7 +230,7 @@ def _condim(seen: Observation) -> Iterator[Change]:
 def _cone(seen: Observation) -> Iterator[Change]:
     """A pyramidal cone couples the directions of friction, and weakens rolling resistance."""
     if seen.option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC):
-        words = "the friction cone is a pyramid, so that friction is not opposite to the slip"
+        words = "the friction cone is a pyramid, so friction is not opposite to the slip"
         delivered = seen.symptoms.delivered
         if delivered is not None and delivered < _DELIVERED:
             words += f" and delivers {delivered:.0%} of the rolling resistance"
@@ -285,7 +285,7 @@ def limited_actuators(theory: ReferenceMotion) -> Iterator[tuple[str, str]]:
         clipped = np.clip(commands, *actuator.within)
         if (beyond := clipped != commands).any():
             asked, limit = (values[np.argmax(beyond)] for values in (commands, clipped))
-            yield "ctrlrange", f"{name} is {asked:.3g}; ctrlrange limits it to {limit:.3g}"
+            yield "ctrlrange", f"{name} is {asked:.3g}, but ctrlrange limits it to {limit:.3g}"
         at = [joints.index(joint) for joint, _ in actuator.gears]
         ratios = [ratio for _, ratio in actuator.gears]
         angles, rates = theory.hinge_angles[:, at] @ ratios, theory.hinge_rates[:, at] @ ratios
@@ -294,8 +294,8 @@ def limited_actuators(theory: ReferenceMotion) -> Iterator[tuple[str, str]]:
         forces = law.unlimited(signals, angles, rates)
         if (part := float((np.abs(forces) > law.limit).mean())) > _LIMITED:
             middle, most = middles.get(f"{name}_offset", 0.0), forces[np.abs(forces).argmax()]
-            words = f"{name} asks for up to {middle + most:.3g}; for {part:.0%} of the time its "
-            words += f"forcerange or actuatorfrcrange limits it to {middle - law.limit:.3g} to "
+            words = f"{name} commands up to {middle + most:.3g}; for {part:.0%} of the time its "
+            words += f"forcerange or actuatorfrcrange allows only {middle - law.limit:.3g} to "
             yield "forcerange", f"{words}{middle + law.limit:.3g}"
 
 
@@ -305,15 +305,15 @@ def slip_causes(seen: Observation) -> Iterator[tuple[str, str]]:
     if not seen.theory.slipping:
         return
     if ideal is None or ideal.loads.grip(scene.slip_limits).max() > 1:
-        yield "friction", f"it slips, as its friction says: {needed_friction(seen)}"
+        yield "friction", f"it slips, because its friction is too small: {needed_friction(seen)}"
     if scene.start.slips:
         *slip, spin = scene.start.slip.tolist()
         moving, slides = seen.user.robot.moving(seen.user.begin()), float(np.hypot(*slip))
         fast = float(np.linalg.norm(moving[3:]) + scene.ball.radius * np.linalg.norm(moving[:3]))
-        speeds = [f"its contact point starts at {slides:.3g} m/s"] * (slides > _SLIP * fast)
+        speeds = [f"its contact point slips at {slides:.3g} m/s"] * (slides > _SLIP * fast)
         speeds += [f"it starts with a spin of {spin:.3g} rad/s"] * bool(spin)
         if speeds and _rolls_in_world_axes(seen.user):
-            read = "it rolls with its angular velocity in world axes, but qvel has body axes"
+            read = "its angular velocity seems to be in world axes, but qvel has body axes"
             yield "axes", f"{' and '.join(speeds)}; {read}"
         elif speeds:
             yield "start", " and ".join(speeds)
@@ -337,8 +337,8 @@ def _slip(seen: Observation, step: float) -> Iterator[Change]:
     names = ("solref", "solimp", "solreffriction")
     values = {name: _digits(*getattr(settings, name)) for name in names}
     aside = ", pulls it aside" * (seen.option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC))
-    words = f"the contact breaks Coulomb's law: it lifts a sphere that slips{aside}"
-    words += ", and holds it too late"
+    words = f"the contact violates Coulomb's law: it lifts a slipping sphere{aside}"
+    words += ", and ends the slip too late"
     option = {"cone": "elliptic", "impratio": _digits(settings.impratio)}
     yield Change("slip", words, pair=values, option=option)
 
@@ -367,7 +367,7 @@ def _softness(seen: Observation) -> Iterator[Change]:
     known = len(depth) and not seen.symptoms.diverged
     sinks = 1e3 * float(depth.mean()) if known else 0.0
     by = f": the sphere sinks {sinks:.2g} mm" if known else ""
-    name, words = "softness", f"the contact is soft{by} and has no load at first"
+    name, words = "softness", f"the contact is soft{by}, and carries no load at first"
     if sinks < 0:
         name, words = "margin", f"its margin holds the sphere {-sinks:.2g} mm above the plane"
     words += default_class(seen.user.robot, "margin" if sinks < 0 else "solref")

@@ -51,7 +51,7 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     lines = [*notes, *_verdict(checked), *_symptoms(checked)]
     if checked.is_changed:
         error = checked.mended_error
-        missed = f", more than {seen.accuracy:g}" if error > seen.accuracy else ""
+        missed = f", above {seen.accuracy:g}" if error > seen.accuracy else ""
         words = f"path error {scientific(error)}{missed}" if np.isfinite(error) else "it diverges"
         lines.append(f"mended: {words}")
     # The error of a motion that breaks off, or in which nothing moves, has no meaning.
@@ -115,7 +115,7 @@ def causes_of(checked: Checked) -> list[str]:
         tried = ", ".join(dict.fromkeys(change.name for change in checked.spared))
         perhaps = "a stiff joint or a high gain may need a shorter timestep"
         if not seen.symptoms.diverged:
-            perhaps = "any two paths part if the motion is sensitive, so try a shorter --duration"
+            perhaps = "if the motion is sensitive, any two paths diverge: try a shorter --duration"
         tried = f"the start, gains and inertias are right, and no change of {tried} helps"
         causes.append(f"unknown: {tried}; {perhaps}")
     return causes
@@ -128,7 +128,7 @@ def _verdict(checked: Checked) -> Iterator[str]:
     length, end = theory.path_length, theory.times[-1]
     unit = f"a path of {length:.3g} m" if length >= radius else f"the radius of {radius:.3g} m"
     error = f"Path error {scientific(known(seen.error))} of {unit} in {end:.3g} s; "
-    error += f"the accuracy asked for is {accuracy:g}"
+    error += f"the limit is {accuracy:g}"
     if seen.failure:
         verdict = seen.failure
     elif seen.error > accuracy:
@@ -163,10 +163,10 @@ def _slipping(seen: Observation) -> Iterator[str]:
     if not theory.slipping:
         return
     part = sum(end - begin for begin, end in theory.slipping) / theory.times[-1]
-    yield f"slips: {listed(theory.slipping)} ({part:.1%} of the time), as its friction says"
-    yield f"friction: {needed_friction(seen)}. {LABEL.name} takes {friction_source(robot)}"
+    yield f"slips: {listed(theory.slipping)} ({part:.1%} of the time), as its friction implies"
+    yield f"friction: {needed_friction(seen)}. {LABEL.name} uses {friction_source(robot)}"
     if not seen.failure:
-        yield f"Coulomb's law with this friction: the file is off by {seen.error:.2%}"
+        yield f"the file is {seen.error:.2%} off the path under Coulomb's law with this friction"
 
 
 def _resistance(checked: Checked) -> Iterator[str]:
@@ -174,12 +174,12 @@ def _resistance(checked: Checked) -> Iterator[str]:
     if (found := checked.resistance) is None:
         return
     condim, ratio = checked.observation.contact.dim, found.friction / found.deceleration
-    yield f"never stops: condim {condim} does not resist rolling; it keeps {found.speed:.3g} m/s"
-    line = f"a third friction of a r(1 + k)/g = {ratio:.3g} a, for a deceleration a"
+    yield f"never stops: keeps {found.speed:.3g} m/s, as condim {condim} does not resist rolling"
+    line = f"third friction coefficient r(1 + k)/g a = {ratio:.3g} a"
     parts = " and ".join(f"{part:.0%} ({cone} cone)" for cone, part in found.delivered.items())
     seconds = found.speed / found.deceleration
-    stops = f"{found.friction:.3g} stops it in {seconds:g} s; {LABEL.name} delivers {parts} of that"
-    yield f"to stop: condim 6 and {line}. {stops}"
+    stops = f"{found.friction:.3g} stops the ball in {seconds:g} s; {LABEL.name} delivers {parts}"
+    yield f"to stop: for a deceleration a take condim 6 and the {line}. {stops}"
 
 
 def _symptoms(checked: Checked) -> Iterator[str]:
@@ -196,17 +196,17 @@ def _symptoms(checked: Checked) -> Iterator[str]:
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     if length > _LEAST_PATH * radius and not (seen.theory.slipping or symptoms.diverged):
         speed = length / seen.motion.times[rolls][-1]
-        yield f"slip: {scientific(measured.slip[rolls].mean() / speed)} of its path"
+        yield f"slip: {scientific(measured.slip[rolls].mean() / speed)} of the path"
         if scene.rolling == "rubber":
             spin = radius * np.abs(measured.spin[rolls]).mean() / speed
-            yield f"spin: {scientific(spin)} of its path"
+            yield f"spin: {scientific(spin)} of the path"
     if symptoms.delivered is not None and seen.judged and not symptoms.failure:
         declared = f"the file and the reference declare {scene.friction.rolling:g} m"
         line = (
-            f"rolling resistance: {declared}; the contact delivers {symptoms.delivered:.0%} of it"
+            f"rolling resistance: {declared}; the contact delivers {symptoms.delivered:.0%} of this"
         )
         if ratio := resistance_per_deceleration(scene):
-            line += f". Whole, it slows the ball by {scene.friction.rolling / ratio:.2g} m/s²"
+            line += f". All of it slows the ball by {scene.friction.rolling / ratio:.2g} m/s²"
         yield line
     yield from _resistance(checked)
     yield from (f"inside: {collision}" for collision in collisions(seen))

@@ -29,7 +29,7 @@ def compare(
     seed: options.Seed = 0,
     device: Annotated[str | None, Parameter(metavar="cpu|cuda")] = None,
 ) -> int:
-    """Run scenes with an engine and with the equations, and say how far apart they are.
+    """Run scenes with an engine and with the equations, and print how far the motions differ.
 
     Example: robotball compare fig12 --preset fast,accurate
 
@@ -40,9 +40,9 @@ def compare(
     plots
         Draw the paths and the momentum of each scene into the output folder.
     starts
-        Run from this many random starts instead of the scene's own, and show the spread of errors.
+        Number of random starts, in place of the scene's own start. Shows the spread of errors.
     device
-        Where an engine that steps many balls at once (newton, mjx, mujoco-warp) runs them.
+        cpu or cuda, for engines that step many balls at once (newton, mjx, mujoco-warp).
     """
     if starts is not None:
         return _many(scenes, run, starts, device, seed, json, csv)
@@ -56,7 +56,7 @@ def compare(
 
     # An option without an effect is refused, lest its user rely on it.
     if seed or device:
-        raise InputError("--seed and --device are for random starts: give --starts")
+        raise InputError("--seed and --device need random starts: give --starts too")
     if not scenes:
         raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
     requests = [partial(run.request, name) for name in run.presets]
@@ -65,7 +65,7 @@ def compare(
     for name in scenes:
         if name in presets and name not in catalog():
             several = ",".join([*run.preset, name])
-            raise InputError(f"{name!r} is a preset and no scene: write --preset {several}")
+            raise InputError(f"{name!r} is a preset, not a scene: write --preset {several}")
     loaded = scenes_of(scenes, run.scene)
     out = writable_folder(run.out)
     comparing = Comparing(requests, options.times_of(run.duration), out, plots)
@@ -116,7 +116,7 @@ def _many(
     check_count("starts", starts, 1)
     check_count("seed", seed, 0)
     if run.accuracy is not None or run.strict:
-        raise InputError("random starts run with presets: leave out --accuracy and --strict")
+        raise InputError("--starts works only with presets: leave out --accuracy and --strict")
     requests = [run.request(name) for name in run.presets]
     for name, request in product(names, requests):
         scene = run.scene(name)
@@ -191,7 +191,7 @@ def demo(*, out: options.Out = options.OUT) -> int:
 
 
 def report(*scenes: str, run: options.RunOptions = options.RUN, film: bool = False) -> int:
-    """Write a comparison as one HTML page: verdict, plots, 3-D view, settings, how to repeat it.
+    """Write a comparison as one HTML page: verdict, plots, 3-D view, settings and commands.
 
     The page is a single file that needs no network.
 

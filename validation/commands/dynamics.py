@@ -22,14 +22,14 @@ def section(
     threads: options.Threads = None,
     json: options.JsonFile = None,
 ) -> int:
-    """Draw a Poincaré section on the annulus (l, L): g = g₀, or a phase of periodic drives.
+    """Draw the Poincaré section g = g₀ in (l, L), or the one at a phase of periodic drives.
 
     Example: robotball dynamics section fig12 --starts 4 --count 500
 
     Parameters
     ----------
     starts
-        Number of motions: 1 for the scene's own start, else random starts with its M² and (M, γ).
+        Number of motions. 1: the scene's own start; more: random starts with its M² and (M, γ).
     count
         Crossings to draw for each motion.
     skip
@@ -67,11 +67,11 @@ def exponents(
     Parameters
     ----------
     starts
-        Random starts with the scene's M² and (M, γ); 1 for the scene's own start.
+        Number of random starts with the scene's M² and (M, γ). 1: the scene's own start.
     duration
         Time over which the exponents of each start are measured.
     transient
-        Time before the measurement.
+        Time that is simulated before the measurement.
     """
     from ..studies.long_runs import exponents_study
 
@@ -98,7 +98,7 @@ def basins(
     starts
         Number of random starts with the scene's M² and (M, γ).
     transient
-        Time in which a motion must reach its attractor.
+        Time after which a motion counts as being on its attractor.
     """
     from ..studies.long_runs import basins_study
 
@@ -114,14 +114,14 @@ def equilibria(
     threads: options.Threads = None,
     json: options.JsonFile = None,
 ) -> int:
-    """List and draw the fixed points and limit cycles of motions from rest, and straight motions.
+    """List and draw straight motions, and the fixed points and limit cycles from rest.
 
     Example: robotball dynamics equilibria fig06
 
     Parameters
     ----------
     longest
-        Longest period of a limit cycle to search for; 0 for no cycles.
+        Longest period of limit cycles that are searched for. 0: no search.
     """
     from ..output import writable_folder
     from ..results import changed
@@ -144,20 +144,21 @@ def branches(
     json: options.JsonFile = None,
     csv: options.CsvFile = None,
 ) -> int:
-    """Follow fixed points, straight motions or cycles as a number changes; find bifurcations.
+    """Follow fixed points, straight motions or cycles while a number changes; find bifurcations.
 
     Example: robotball dynamics branches fig07 --of equilibrium --over K3=0.1:2.5
 
     Parameters
     ----------
     of
-        Fixed points of the motion from rest, or straight motions or cycles with the scene's M.
+        equilibrium: fixed points of the motion from rest; line, cycle: straight motions or cycles
+        with the scene's M.
     over
-        The number that changes, and its range in SI units, with angles in degrees: K1 to K3,
-        Omega1 to Omega3, K, Omega, f, c; angles K12, K23, K31, Omega12 and so on. For periodic
+        The number that changes, and its range in SI units (angles in degrees). Numbers are K1 to
+        K3, Omega1 to Omega3, K, Omega, f, c, and angles such as K12, K31 and Omega12. For periodic
         drives: frequency, f, c, frame.mean, rotor1.value, plane.Z.amplitude, plane.Z.phase.
     longest
-        Longest period of a cycle to follow. Default: 300 s, or four periods of periodic drives.
+        Longest period of the cycles. Default: 300 s, or four periods of periodic drives.
     """
     from ..output import writable_folder
     from ..results import changed
@@ -188,23 +189,23 @@ def chart(
     """Chart the largest exponent over two numbers of a ball.
 
     The numbers are the components K1 to K3 and Omega1 to Omega3 along the principal axes, the
-    lengths K and Omega, the angles K12, K23, K31, Omega12 and so on of their directions in a plane,
-    in degrees, f = M² and c = (M, γ).
+    lengths K and Omega, f = M² and c = (M, γ). K12, K23, K31, Omega12 and so on are the angles of
+    K and Omega in a plane of two axes, in degrees.
 
     Example: robotball dynamics chart fig14 --over K=0:6,Omega=0:6 --quick
 
     Parameters
     ----------
     over
-        The number of the horizontal axis and its range, then those of the vertical axis.
+        Name and range of the number on the horizontal axis, then on the vertical axis.
     points
-        Points along an axis before refinement.
+        Number of points along each axis before refinement.
     refine
         How often the spacing is halved where neighbouring motions differ in kind.
     duration
-        Time of each motion. Its later half gives the exponent.
+        Time of each motion after the transient. Its later half gives the exponent.
     transient
-        Time before that.
+        Time that each motion is simulated before.
     """
     from ..results import changed
     from ..studies.charts import chart_study

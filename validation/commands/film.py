@@ -23,7 +23,7 @@ def video(
     format: Literal["mp4", "webm", "gif"] = "mp4",
     threads: options.Threads = None,
 ) -> int:
-    """Film a scene: the engine's ball with one or more presets, and the equations' ball.
+    """Write a video of a scene: the engine's ball with each preset, and the equations' ball.
 
     If the ball slips, a single preset is filmed beside the ball that rolls.
 
@@ -36,7 +36,7 @@ def video(
     resolution
         Size of the picture in pixels.
     slow
-        Slow motion: how many times slower than real time.
+        Slow motion: the factor by which the video is slower than real time.
     camera
         The camera follows each ball, looks from above, or stands still and sees the whole path.
     ghost
@@ -104,5 +104,5 @@ def _size(text: str) -> tuple[int, int]:
 
     found = re.fullmatch(r"(\d{1,5})[x×](\d{1,5})", text)
     if found is None:
-        raise InputError(f"--resolution takes WIDTHxHEIGHT in pixels, as 1280x720, not {text!r}")
+        raise InputError(f"--resolution takes WIDTHxHEIGHT, such as 1280x720, not {text!r}")
     return int(found[2]), int(found[1])

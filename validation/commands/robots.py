@@ -32,7 +32,7 @@ def check(
     out: options.Out = options.OUT,
     json: options.JsonFile = None,
 ) -> int:
-    """Say whether an MJCF or URDF robot rolls as it should; if not, which setting is wrong.
+    """Check whether an MJCF or URDF robot rolls as it should; if not, find the wrong setting.
 
     Writes a mended file, a page and a picture. Your own file is not changed.
 
@@ -45,7 +45,7 @@ def check(
     shell
         The body or geom that rolls. Default: the largest sphere.
     rolling
-        The rolling model. Default: the one that is nearer.
+        The rolling model. Default: the model that is nearer to the file's motion.
     keyframe
         The keyframe to start at. Default: the first one.
     accuracy
@@ -138,13 +138,13 @@ def fit(
     logs
         Files of the sensor readings: CSV, NPZ, Parquet, JSON lines, MATLAB, or ROS bags.
     free
-        Numbers to find, by their paths or the last words of these; with limits as frame.kv=0.1:0.8.
+        Paths, or ends of paths, of numbers to find. With limits: frame.kv=0.1:0.8.
     also
         What else to find for each log: world.yaw, world.origin, position.marker, gyro.bias,
         accelerometer.place, commands.delay, sensors.clock, SENSOR.clock, SENSOR.scale,
         HINGE_angle.zero.
     noise
-        Standard deviation of a sensor's noise in SI units, as gyro=0.02. Default: estimated.
+        Standard deviation of a sensor's noise in SI units, such as gyro=0.02. Default: estimated.
     patience
         Time for the search; then the best values so far are reported.
     all
@@ -168,7 +168,7 @@ def judge(
     tolerance: Annotated[float, Parameter(metavar="ERROR")] = options.TOLERANCE,
     json: options.JsonFile = None,
 ) -> int:
-    """Say how far a trajectory from any simulator is off, and which mistake explains the error.
+    """Measure the error of a trajectory from any simulator, and find the mistake behind it.
 
     docs/trajectories.md describes the columns. 'robotball export' writes what an engine needs.
 
@@ -219,7 +219,7 @@ def design(
     frame_radius
         Radius within which the frame must lie. Default: the shell's radius.
     shell_thickness
-        Thickness of a homogeneous shell; 0 for a thin one.
+        Thickness of a homogeneous shell. 0: a thin shell.
     """
     from robotball import Limits, load_scene, scene_toml
     from robotball.design.designing import describe, redesign
@@ -267,7 +267,7 @@ def steer(
     size
         Length of the line, radius of the circle, or half the length of the eight.
     turns
-        Number of turns round the circle; a negative number turns right.
+        Number of turns round the circle. Negative: to the right.
     through
         Points in m, in place of a shape: "1,0 1,1 0,1".
     duration
@@ -335,7 +335,7 @@ def _points_of(text: str) -> list[tuple[float, float]]:
     except ValueError:
         points = []
     if not points:
-        raise InputError(f'points are pairs like "1,0 1,1", not {text!r}')
+        raise InputError(f'--through takes pairs X,Y, such as "1,0 1,1", not {text!r}')
     return points
 
 
@@ -347,8 +347,8 @@ def scenes(*, copy: Annotated[str | None, Parameter(metavar="NAME")] = None) -> 
     Parameters
     ----------
     copy
-        Write this scene's file into the current folder, and beside it a JSON schema with which an
-        editor completes and checks the keys.
+        Write this scene's file into the current folder, with a JSON schema: an editor uses the
+        schema to complete and check the keys.
     """
     from rich.console import Console
     from rich.markup import escape
@@ -379,7 +379,7 @@ def _copy(name: str) -> int:
         raise unknown("scene", name, catalog())
     file, schema = Path(f"{name}.toml"), Path("robotball.schema.json")
     if file.exists():
-        raise InputError(f"{file} exists: rename it, or copy the scene in another folder")
+        raise InputError(f"{file} exists: rename that file, or run this in another folder")
     write_text(schema, json_text(scene_schema(), indent=1) + "\n")
     text = (CATALOG / file).read_text(encoding="utf-8")
     write_text(file, f"#:schema ./{schema}\n{text}")
@@ -409,7 +409,7 @@ def export(
     out
         Write all formats into this folder instead of printing the MJCF.
     preset
-        The settings that the MJCF has.
+        Settings of the engine that are written into the MJCF.
     """
     from robotball import export_scene
     from robotball import preset as settings_of

@@ -12,7 +12,7 @@ def ablation(
     control: options.Controls = (),
     once: options.OnceOptions = options.ONCE,
 ) -> int:
-    """Measure what each choice of settings is worth: from naive to the recipe, and each undone.
+    """Measure the effect of each choice of settings, from naive to the recipe.
 
     Example: robotball study ablation fig12 --quick
     """
@@ -39,7 +39,7 @@ def convergence(
     preset
         Settings of the contact model. The study varies the integrator and the timestep.
     without
-        Choices of 'study ablation' to undo, several as softness,noslip. Choices: drive, friction,
+        Choices of 'study ablation' to undo, such as softness,noslip. Choices: drive, friction,
         cone, root, integrator, start, softness, noslip, solver, timestep.
     """
     from robotball import preset as settings_of
@@ -58,7 +58,7 @@ def cones(
     control: options.Controls = (),
     once: options.OnceOptions = options.ONCE,
 ) -> int:
-    """Measure the errors of MuJoCo's friction cones over the friction, where the ball slips.
+    """Measure the errors of MuJoCo's friction cones for frictions at which the ball slips.
 
     Example: robotball study cones classical_regular --quick
     """
@@ -75,7 +75,7 @@ def cost(
     duration: options.Duration = None,
     sweep: options.SweepOptions = options.SWEEP,
 ) -> int:
-    """Measure what accuracy costs: error against processor time, and the Pareto front.
+    """Measure the cost of accuracy: errors, processor times and their Pareto front.
 
     Example: robotball study cost fig12 --quick
     """
@@ -90,7 +90,7 @@ def cost(
 
 
 def extremes(*maps: str, sweep: options.SweepOptions = options.SWEEP) -> int:
-    """Map where each integrator and contact setting fails, with a fault or without one.
+    """Map where each integrator and contact setting fails, and whether a fault reports it.
 
     Example: robotball study extremes momentum --quick
 
@@ -115,7 +115,7 @@ def engines(
     duration: options.Duration = None,
     sweep: options.SweepOptions = options.SWEEP,
 ) -> int:
-    """List the engines and their presets; or, with scenes, compare their errors and costs.
+    """List the engines and their presets. With scenes: compare the engines' errors and costs.
 
     Example: robotball engines fig12 --only mujoco --quick
 
@@ -124,13 +124,13 @@ def engines(
     scenes
         Names from the catalog, or paths to scene files. Without a scene the engines are listed.
     only
-        Engines to run, several as drake,bullet. Default: all that are installed.
+        Engines to run, such as drake,bullet. Default: all installed engines.
     install
-        Create an environment with uv for each of these engines first, several as drake,bullet.
+        First create an environment with uv for each of these engines, such as drake,bullet.
     python
-        Python of new environments: a version or a path. Default: the newest that an engine takes.
+        Python of new environments: a version or a path. Default: the newest for each engine.
     newest
-        In the list, ask the package index which engines have a newer release.
+        Ask the package index for newer releases, and show them in the list.
     """
     from robotball.engines.environments import ENVIRONMENTS
 

@@ -187,8 +187,8 @@ def follow_branches(name: str, of: str, over: str, longest: float | None, save: 
             written = found.write()
     if written is None:
         raise InputError(
-            f"{scene.name}: no {of} found over {over}, at the ends, the scene's own value and some "
-            "between" + "".join(f"; {words}" for words in found.losses())
+            f"{scene.name}: no {of} found for {over}, at the ends of the range, at the scene's own "
+            "value and at some values between" + "".join(f"; {words}" for words in found.losses())
         )
     study, picture = written
     show(study.shown)
@@ -207,11 +207,11 @@ def _family(
     if over not in NUMBERS:
         raise unknown("number", over, NUMBERS)
     if of == "equilibrium" and over in ("f", "c"):
-        raise InputError("--of equilibrium is of motion from rest, M = 0, which has no f and c")
+        raise InputError("--of equilibrium means motion from rest, M = 0, where f and c stay 0")
     # Fixed points belong to the motion from rest, for any momentum of the scene.
     momentum = scene.start.momentum * (of != "equilibrium")
     if of == "line" and not momentum.any():
-        raise InputError(f"{scene.name} starts from rest: its lines are --of equilibrium")
+        raise InputError(f"{scene.name} starts from rest: for its lines give --of equilibrium")
     return motions.Family(scene.parameters, momentum, over, low, high)
 
 

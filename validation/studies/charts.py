@@ -60,7 +60,7 @@ def _axes_of(text: str, count: int) -> dict[str, Array]:
             raise unknown("number", name, NUMBERS)
         axes[name] = np.linspace(low, high, count)
     if text.count(",") != 1 or len(axes) != 2:
-        raise InputError(f"--over takes two different names, not {text!r}")
+        raise InputError(f"--over takes two ranges with different names, not {text!r}")
     return axes
 
 

@@ -45,8 +45,8 @@ def cones_study(scene: Scene, times: Array, quick: bool) -> Study:
     need = float(integrate(scene.ideal, times).loads.sliding_friction.max())
     if need * _FROM < mujoco.mjMINMU:
         raise InputError(
-            f"{scene.name} rolls with a friction of {need:.3g}, and a part of {_FROM} of it is "
-            f"below {LABEL.name}'s least, {mujoco.mjMINMU:g}: choose a scene that needs more"
+            f"{scene.name} needs a friction of {need:.3g}, and {_FROM} times this is below "
+            f"{LABEL.name}'s least, {mujoco.mjMINMU:g}: choose a scene that needs more friction"
         )
     rows, parts = [], np.geomspace(_FROM, _TO, _QUICK_COUNT if quick else _COUNT)
     with progress_bar(len(parts)) as show:

@@ -75,8 +75,8 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
         return attitude[None], M[None]
     if not M.any():
         raise InputError(
-            f"{scene.name} starts from rest, so random starts with its M² do not move: "
-            "give it a momentum, or use --starts 1"
+            f"{scene.name} starts from rest, so random starts with the same M² do not move: "
+            "give the scene a momentum, or use --starts 1"
         )
     # A rubber ball's M is horizontal (3.1).
     c = float(M[2]) if scene.rolling == "classical" else 0.0
@@ -97,8 +97,8 @@ def steady_scene(name: str, purpose: str) -> Scene:
     scene = load_scene(name)
     if not scene.steady:
         raise InputError(
-            f"{scene.name}: {purpose} needs constant rates, but its drives change in time; "
-            f"'robotball compare {name}' shows its motion"
+            f"{scene.name}: {purpose} needs constant rates, but the drives change in time; "
+            f"'robotball compare {name}' shows the motion"
         )
     return scene
 
@@ -122,8 +122,8 @@ def attracted_scene(name: str, purpose: str) -> Scene:
     scene = moving_scene(name, purpose)
     if not np.any(scene.parameters.Omega):
         raise InputError(
-            f"{scene.name}: its frame does not turn (Ω = 0), so phase volume is constant and "
-            f"there is no attractor; 'robotball dynamics section {name}' shows its motion"
+            f"{scene.name}: the frame does not turn (Ω = 0), so phase volume is constant and "
+            f"there is no attractor; 'robotball dynamics section {name}' shows the motion"
         )
     return scene
 
@@ -176,7 +176,7 @@ def section_study(
     if period is None:
         scene = moving_scene(name, "a section")
     elif g:
-        raise InputError(f"{scene.name} is driven: its section is a phase of the drives, not a g")
+        raise InputError(f"{scene.name} is driven: its section is at a drive phase, without a g")
     settings = None if preset is None else settings_of(preset)
     initial = level_starts(scene, starts, seed, g)
     total = check_count("skip", skip, 0) + check_count("count", count, 1)

@@ -330,13 +330,13 @@ def run_engines(
         print(home, *said_of(home), sep="\n  ")
     some = chosen("engine", only, known)
     if scenes and newest:
-        raise InputError("--newest is for the list of engines: leave out the scenes")
+        raise InputError("--newest changes only the list of engines: leave out the scenes")
     if not scenes:
         if not install:
             write_record(sweep.json, {"engines": _list(some, environments, newest)})
         return AGREES
     if sweep.json and len(scenes) > 1:
-        raise InputError("--json takes one study: name one scene")
+        raise InputError("--json takes only one study: name only one scene")
     if only:
         engine_runs.check_installed(some, environments)
     for name in scenes:

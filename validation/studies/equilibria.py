@@ -220,8 +220,8 @@ def equilibria_study(name: str, longest: float) -> Study:
     # Then (4.1) is zero everywhere, and a list of fixed points would be the whole sphere.
     if not np.any([scene.parameters.Omega, scene.parameters.K]):
         raise InputError(
-            f"{scene.name}: nothing turns inside (Ω = 0, K = 0), so from rest the ball rests "
-            f"at every γ; 'robotball dynamics section {name}' shows how it rolls"
+            f"{scene.name}: nothing turns inside (Ω = 0, K = 0), so a ball that starts from rest "
+            f"stays at rest; 'robotball dynamics section {name}' shows how it rolls"
         )
     return _rubber(scene, longest)
 

@@ -54,11 +54,11 @@ def lines(fitted: Fitted) -> Iterator[str]:
     elif fitted.explains:
         yield f"the model explains the logs: {chi2}, probability {probability:.2g}"
     else:
-        yield f"the model does not explain the logs, so errors may exceed the ± given: {chi2}"
+        yield f"the model does not explain the logs, so errors may exceed the ± shown: {chi2}"
     if not fitted.complete:
         yield (
-            "the fit stopped before the minimum of χ², with its best values so far: continue from "
-            "the scene it wrote, or with more --patience"
+            "the fit stopped before the minimum of χ² and gives its best values so far: continue "
+            "with the scene that it wrote, or with more --patience"
         )
         yield from fitted.moving
     for sensor in fitted.strays:
@@ -202,7 +202,7 @@ def fit_logs(
     numbers = numbers_of(scene_name)
     if not free:
         Console().print(Columns(numbers.known))
-        raise InputError("name the numbers to find with --free; the list above has all of them")
+        raise InputError("name the numbers to find with --free; the list above shows all numbers")
     scene = numbers.scene({})
     logs = [read_log(path, scene, names) for path in paths]
     held = len(logs) - 1 if len(logs) > 1 and hold_out else None

@@ -305,7 +305,7 @@ def _on_its_clock(scene: Scene, trajectory: Trajectory, tolerance: float) -> Fil
     if times[-1] > _LONGEST * duration:
         raise InputError(
             f"{trajectory.name}: t goes to {times[-1]:g} s, but {scene.name} lasts {duration:g} s; "
-            "if t is in another unit, call the column t [ms], t [us] or t [ns]"
+            "if t is in another unit, rename the column to t [ms], t [us] or t [ns]"
         )
     return _judged(scene, trajectory, tolerance)
 
@@ -338,14 +338,14 @@ def lines(judged: FileJudgement) -> list[str]:
     plain, best = judged.plain, judged.best
     report = [*judged.trajectory.notes, _errors(plain), *_contact(plain)]
     if np.isnan(plain.attitude_error):
-        unknown = "attitude, momentum, slip and spin are unknown, and what only they show"
+        unknown = "attitude, momentum, slip and spin are unknown, and mistakes that only they show"
         report.append(f"the file has no attitude qw,qx,qy,qz: {unknown}")
     for name in (hinge.name for hinge in plain.motion.scene.hinges):
         if name not in plain.hinge_rates:
             unknown = "momentum, slip and spin" if name == "frame" else "momentum"
             report.append(
                 f"the {name} has a motor, but the file has no column {name}_rate or "
-                f"{name}_angle: {unknown} unknown"
+                f"{name}_angle: {unknown} stay unknown"
             )
     report += [
         f"the {name}'s rate has a relative error of {error:.1e}: about {factor:.3g} times the "
@@ -361,10 +361,10 @@ def lines(judged: FileJudgement) -> list[str]:
         left = "" if mistake.sure else f", which leaves {mistake.left:.0%} of the error"
         report.append(f"{'WRONG' if mistake.sure else 'PERHAPS'}: {names}{left}")
         if (before := mistake.before.momentum) and (after := mistake.after.momentum):
-            balance = f"{before:.1e} of it is not explained by the scene, {after:.1e} with that"
-            report.append(f"the momentum shows it: {balance}")
+            balance = f"unexplained part {before:.1e}, with this change {after:.1e}"
+            report.append(f"the momentum shows the mistake: {balance}")
     if judged.corrected is not None:
-        report += [f"without that: {line}" for line in (_errors(best), *_contact(best))]
+        report += [f"without the mistake: {line}" for line in (_errors(best), *_contact(best))]
     if not judged.within and all("friction." in mistake.name for mistake in judged.mistakes):
         fit = f"robotball fit {plain.theory.scene.name} {judged.name} --free NUMBER"
         report.append(f"to see whether other numbers of the scene explain the file: {fit}")
@@ -408,7 +408,7 @@ def _height(judged: FileJudgement) -> list[str]:
         ends = " to ".join(dict.fromkeys(f"{end:.4g} m" for end in (z.min(), z.max())))
         return [f"z is {ends}, but the {point} is at {level:g} m: off by {error:.1e} of the radius"]
     if level == 0:
-        return ["z is the height of the contact point: it does not show the depth of the contact"]
+        return ["z is the height of the contact point, and does not show the depth of the contact"]
     return [] if error < _EXACT else [f"z is off by up to {error:.0e} of the radius"]
 
 
@@ -429,7 +429,7 @@ def _verdict(judged: FileJudgement) -> str:
     )
     bound = f"within {limit} in path{height}{rest}, {part}"
     if judged.within and judged.too_short:
-        return f"verdict: too short to judge, under {_ENOUGH:.0%} of the scene; {bound}"
+        return f"verdict: too short to judge, below {_ENOUGH:.0%} of the scene; {bound}"
     return f"verdict: agrees {bound}" if judged.within else f"verdict: off; not {bound}"
 
 

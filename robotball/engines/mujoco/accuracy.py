@@ -222,7 +222,7 @@ class _Search:
             reached = "the run broke off" if estimate is None else f"reached about {error:.1e}"
             warn(
                 f"{self.scene.name}: path error {self.accuracy:g} not reached: {reached}. Request "
-                "a larger one, or a shorter run."
+                "a larger error, or a shorter run."
             )
         report = replace(motion.report, estimated_error=estimate, total_seconds=self.seconds)
         return replace(motion, report=report)

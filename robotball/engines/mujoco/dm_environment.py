@@ -96,15 +96,15 @@ def dm_environment(
     chosen = as_own(request_of("mujoco", settings).settings, Settings, LABEL)
     if not chosen.own or scene.friction.rolling:
         raise InputError(
-            f"{scene.name}, {chosen.name}: an environment takes MuJoCo's steps, without RK8 or "
-            "resistance to rolling: take another preset, or a scene without resistance"
+            f"{scene.name}, {chosen.name}: an environment takes MuJoCo's own steps, without RK8 or "
+            "rolling friction: take another preset, or a scene without rolling friction"
         )
     if path is None:
         times = np.arange(round(scene.duration / control_timestep) + 1, dtype=float)
         path = integrate(scene, times * control_timestep).contact_point
     path = as_floats("path", path)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
-        raise InputError(f"path must be finite numbers (n, 2), n > 1; its shape is {path.shape}")
+        raise InputError(f"path must be finite, of shape (n, 2) with n > 1, not {path.shape}")
     resolved = Resolved(scene, chosen)
     if resolved.settings.slips is False:  # an agent may exceed the friction
         chosen = for_slip(scene, chosen, resolved.timestep)
@@ -164,7 +164,7 @@ class _FollowPath(Task):  # type: ignore[misc]
             sizes = [np.abs(command.rate(model.scene.times)).max() for command in self.commands]
             largest = np.array([2.0 * size or 1.0 for size in sizes])
         if np.ndim(largest) and np.shape(largest) != (len(self.commands),):
-            raise InputError(f"largest_action must be one number, or {len(self.commands)}")
+            raise InputError(f"largest_action must be 1 or {len(self.commands)} numbers")
         self.largest = np.broadcast_to(largest, len(self.commands))
         self.prescribed = np.zeros(len(self.commands), dtype=bool)
         self.prescribed[: len(hinges)] = [isinstance(h.actuation, Prescribed) for h in hinges]

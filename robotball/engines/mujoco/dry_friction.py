@@ -57,7 +57,7 @@ class Parts:
         self.taken += 1
         if self.taken > self.most:
             raise TooManyPartsError(
-                f"dry friction takes more than {self.most} parts of steps: raise max_steps"
+                f"dry friction divides the steps into more than {self.most} parts: raise max_steps"
             )
         self.seen.clear()
         self.take(data, part)

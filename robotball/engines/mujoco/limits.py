@@ -83,7 +83,7 @@ class LimitCheck:
 
 def error_check(value: float, limit: float, effect: str, remedy: str) -> LimitCheck:
     """Return the check of a predicted relative error."""
-    allowed = f"{percent(limit)} is allowed"
+    allowed = f"only {percent(limit)} is allowed"
     return LimitCheck(value, limit, f"{effect} by about {percent(value)}; {allowed}: {remedy}")
 
 
@@ -270,8 +270,8 @@ def rotation(plan: PlannedRun) -> LimitCheck | None:
     rate = plan.rotation_rate
     value, step = rate * plan.timestep, limit / rate if rate else np.inf
     warning = (
-        f"the fastest rotation turns {value:.4g} rad per step, and {plan.integrator.name} is "
-        f"stable up to {limit:.4g} rad: take a timestep below {step:.2g} s, or the preset exact"
+        f"the fastest body turns {value:.4g} rad per step, but {plan.integrator.name} is stable "
+        f"only up to {limit:.4g} rad: take a timestep below {step:.2g} s, or the preset exact"
     )
     return LimitCheck(value, limit, warning)
 
@@ -317,8 +317,8 @@ def friction_damping(plan: PlannedRun) -> LimitCheck | None:
         return None
     value = plan.friction_damping * plan.timestep
     warning = (
-        f"slip will grow: the friction's damping times the timestep is {value:.4g}, and "
-        f"{plan.integrator.name} is stable up to {limit:.4g}: give solreffriction a weaker "
+        f"slip will grow: the friction's damping times the timestep is {value:.4g}, but "
+        f"{plan.integrator.name} is stable only up to {limit:.4g}: give solreffriction a weaker "
         "damping, such as (-1, -0.5)"
     )
     return LimitCheck(value, limit, warning)
@@ -348,8 +348,8 @@ def contact_spring(plan: PlannedRun) -> LimitCheck | None:
     value = float(growth)
     # Rounding must not turn a vibration of constant size into a fault.
     warning = (
-        f"the contact's vibration will grow {value:.4g} times per step: take a softer solref, such "
-        "as (0.04, 1), or a shorter timestep"
+        f"each step will multiply the contact's vibration by {value:.4g}: take a softer solref, "
+        "such as (0.04, 1), or a shorter timestep"
     )
     return LimitCheck(value, 1 + 1e-9, warning)
 
@@ -378,7 +378,7 @@ def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
     """
     value, limit = plan.friction[0], plan.loads.sliding_friction.max()
     warning = (
-        f"the ball will slip: sliding friction is {value:.4g}, and the motion needs {limit:.4g}: "
+        f"the ball will slip: sliding friction is {value:.4g}, but the motion needs {limit:.4g}: "
         "raise sliding_friction"
     )
     if plan.settings.slips:
@@ -392,8 +392,8 @@ def _slipping(kind: str, value: float) -> str:
     """Return the warning of a ball that slips because the scene limits its friction."""
     return (
         f"the ball slips, because friction.{kind} is {value:.4g}, and the contact of these "
-        "settings does not obey Coulomb's law: a preset such as balanced chooses one that does, "
-        f"unless a value of the contact is given; or raise friction.{kind}"
+        "settings does not obey Coulomb's law: take a preset such as balanced without other "
+        f"values of the contact, or raise friction.{kind}"
     )
 
 
@@ -406,7 +406,7 @@ def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
         return None
     value, limit = plan.friction[1], plan.loads.torsional_friction.max()
     warning = (
-        f"the ball will spin on the spot: torsional friction is {value:.4g} m, and the motion "
+        f"the ball will spin on the spot: torsional friction is {value:.4g} m, but the motion "
         f"needs {limit:.4g} m: raise torsional_friction"
     )
     if plan.scene.friction.torsional is not None:
@@ -440,9 +440,9 @@ def friction_block(plan: PlannedRun) -> LimitCheck | None:
     minors = np.array([np.linalg.det(block[:n, :n]) for n in range(1, rows + 1)])
     value = minors[-1] if rows < 5 else (minors / [1.0, *minors[:-1]]).min()
     warning = (
-        "PGS and noslip will leave friction out: the determinant or pivot of its inverse inertia "
-        f"is {value:.4g}, and they take it for singular below {_LEAST_DETERMINANT:.4g}: scale the "
-        "masses down or the friction up, or take solver Newton without noslip"
+        "PGS and noslip will leave friction out: the determinant or pivot of friction's inverse "
+        f"inertia is {value:.4g}, and below {_LEAST_DETERMINANT:.4g} they treat the matrix as "
+        "singular: scale the masses down or the friction up, or take solver Newton without noslip"
     )
     return LimitCheck(value, _LEAST_DETERMINANT, warning, least=True)
 
@@ -477,8 +477,8 @@ def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
     limit = weight * d / (1 - d) / (1 if plan.option("solver") == "Newton" else 100)
     value = plan.option("tolerance") * drive.armature * len(prescribed)
     warning = (
-        f"the solver will stop before its first iteration: its tolerance times the armatures is "
-        f"{value:.4g}, above {limit:.4g}: give tolerance 0, or solver PGS"
+        f"the solver will stop before its first iteration: tolerance times armatures is "
+        f"{value:.4g}, but must be below {limit:.4g}: give tolerance 0, or solver PGS"
     )
     return LimitCheck(value, limit, warning)
 
@@ -494,8 +494,8 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
     controls, reach = [abs(h.control(0.0)) for h in plan.hinges], max(1.0, plan.duration)
     value = max(*(rate * reach for rate in (speed, *rates)), *controls, plan.rotation_rate)
     warning = (
-        f"a coordinate, rate or control will reach {value:.4g}, and MuJoCo takes more than "
-        f"{_LARGEST_STATE:.4g} for a bad state: choose other units or a shorter run"
+        f"a coordinate, rate or control will reach {value:.4g}, but MuJoCo rejects values above "
+        f"{_LARGEST_STATE:.4g}: choose other units or a shorter run"
     )
     return LimitCheck(value, _LARGEST_STATE, warning)
 

@@ -253,7 +253,7 @@ def _compose(
     above = {link.name: link.parent for link in ball.tree}
     if settings.root == "frame":
         if not ball.has_frame:
-            raise InputError('root = "frame" needs a ball with a frame; take root = "shell"')
+            raise InputError('root = "frame" needs a ball with a frame: take root = "shell"')
         above |= {"frame": "", "shell": "frame"}
     parts = dict(ball.named_bodies)
     pivots = {link.name: link.pivot for link in ball.tree}
@@ -434,7 +434,7 @@ def _add_actuator(
     """Add an actuator of the scene, on a joint or on a tendon that couples several joints."""
     (first, *others), name, law = actuator.gears, actuator.name, actuator.law
     if law.friction and law.limit < np.inf:
-        raise InputError(f"{name}: MuJoCo takes dry friction or a torque limit, not both")
+        raise InputError(f"{name}: MuJoCo supports dry friction or a torque limit, not both")
     if others or law.friction:
         tendon = _add(tendons, "fixed", name=name, frictionloss=law.friction or None)
         for hinge, ratio in actuator.gears:
@@ -494,7 +494,7 @@ def carrying_depth(resolved: Resolved, data: mujoco.MjData) -> float:
     if not 0 < stiffness < np.inf:
         raise InputError(
             f"the contact cannot carry the ball at any depth: solref {resolved.solref} has no "
-            "stiffness: give another solref, or start_in_equilibrium off"
+            "stiffness: give another solref, or start_in_equilibrium=False"
         )
     model = data.model
     if softness < 1:

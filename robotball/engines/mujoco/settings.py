@@ -87,17 +87,17 @@ def _one_of(*names: str) -> Meta:
 
 # Types of the fields. msgspec checks their bounds, and error messages quote their descriptions.
 # With LARGEST as bound no product of a few of them overflows.
-_FROM_TO = f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"
+_FROM_TO = f"a number from {1 / LARGEST:g} to {LARGEST:g}"
 _Positive = Annotated[float, Meta(ge=1 / LARGEST, le=LARGEST, description=_FROM_TO)]
 _NotNegative = Annotated[
-    float, Meta(ge=0, le=LARGEST, description=f"finite and not negative, {LARGEST:g} at most")
+    float, Meta(ge=0, le=LARGEST, description=f"a number from 0 to {LARGEST:g}")
 ]
 # MuJoCo's counters are of 32 bits.
-_Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number, 0 at least")]
-_AtLeastOne = Annotated[int, Meta(ge=1, lt=2**31, description="a whole number, 1 at least")]
+_Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number of at least 0")]
+_AtLeastOne = Annotated[int, Meta(ge=1, lt=2**31, description="a whole number of at least 1")]
 _Reference = Annotated[
     tuple[float, float],
-    Meta(description="two finite numbers: a positive time constant and ratio, or neither positive"),
+    Meta(description="two finite numbers, both positive (time constant, ratio) or neither"),
 ]
 _Inside = Annotated[float, Meta(gt=0, lt=1)]
 _Width = Annotated[float, Meta(gt=0, le=LARGEST)]
@@ -105,8 +105,8 @@ _Power = Annotated[float, Meta(ge=1, le=LARGEST)]
 _Impedance = Annotated[
     tuple[_Inside, _Inside, _Width, _Inside, _Power],
     Meta(
-        description="dmin, dmax, width, midpoint, power: the first two and the midpoint between 0 "
-        "and 1, the width positive, the power 1 at least"
+        description="(dmin, dmax, width, midpoint, power), with dmin, dmax and midpoint between 0 "
+        "and 1, width above 0 and power at least 1"
     ),
 ]
 

@@ -77,7 +77,8 @@ def low_weight(plan: PlannedRun) -> LimitCheck | None:
     squared = size / inertia * (scene.gravity + 2 * scene.ball.radius * energy / inertia)
     value = float((squared * plan.timestep**2) ** 3 * plan.duration / _MEASURED)
     step = plan.timestep * (plan.tolerance / value) ** (1 / 6)
-    effect, remedy = "the swing of a low weight will put RK4's path off", "take a timestep below"
+    effect = "the low weight makes the ball swing fast, which will change RK4's path"
+    remedy = "take a timestep below"
     return error_check(value, plan.tolerance, effect, f"{remedy} {step:.2g} s")
 
 
@@ -95,8 +96,8 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
     value = fastest * plan.timestep
     warning = (
         f"the servos' rates will grow: their gain times the timestep over their inertia is "
-        f"{value:.4g}, and {plan.integrator.name} is stable up to {limit:.4g}: take a lower gain "
-        "or a shorter timestep, or prescribe the rate"
+        f"{value:.4g}, but {plan.integrator.name} is stable only up to {limit:.4g}: take a lower "
+        "gain or a shorter timestep, or prescribe the rate"
     )
     return LimitCheck(value, limit, warning)
 
@@ -123,7 +124,7 @@ def late_friction(plan: PlannedRun) -> LimitCheck | None:
     path = np.linalg.norm(start + np.cumsum(force, axis=0) * step, axis=1).sum() * step
     value, limit = float(off / path_unit(plan.scene, path)), plan.settings.error_tolerance
     within = plan.timestep * limit / value if value else np.inf
-    effect = "friction that turns late will put a slipping ball off"
+    effect = "friction follows the slip late, which will change the path of a slipping ball"
     return error_check(value, limit, effect, f"take a timestep below {within:.2g} s")
 
 
@@ -141,8 +142,8 @@ def lifted(plan: PlannedRun) -> LimitCheck | None:
     value, limit = plan.impedance * plan.friction_damping * slip, -plan.scene.gravity_world[2]
     part = percent(limit / value) if value else ""
     warning = (
-        f"the cone will push the slipping ball up with {value:.4g} m/s², more than gravity's "
-        f"{limit:.4g}: start with {part} of the slip, or give less friction"
+        f"the cone will accelerate the slipping ball upwards at {value:.4g} m/s², more than "
+        f"gravity's {limit:.4g} m/s²: start with {part} of the slip, or give less friction"
     )
     return LimitCheck(value, limit, warning)
 
@@ -152,7 +153,7 @@ def raised_friction(plan: PlannedRun) -> LimitCheck | None:
     value, limit = min(plan.friction[: plan.condim // 2]), mujoco.mjMINMU
     warning = (
         f"MuJoCo will raise a coefficient of friction from {value:.4g} to {limit:g} without a "
-        f"warning: give {limit:g} at least"
+        f"warning: give at least {limit:g}"
     )
     return LimitCheck(value, limit, warning, least=True)
 
@@ -170,8 +171,8 @@ def friction_row(plan: PlannedRun) -> LimitCheck | None:
     hard = plan.settings.solreffriction is not None
     delay = plan.timestep / ROW_DAMPING if hard else max(_ROW, 2 * plan.timestep) / 2
     value = 2 * friction * delay / plan.scene.momentum_scale
-    effect = "MuJoCo's soft dry friction will push hinges along before they reverse, and change M"
-    remedy = "take RK4, with which it is a torque"
+    effect = "frictionloss will push a hinge along its motion before it reverses, and change M"
+    remedy = "take RK4; then robotball applies friction as a torque"
     return error_check(value, plan.settings.error_tolerance, effect, remedy)
 
 
@@ -189,8 +190,8 @@ def friction_parts(plan: PlannedRun) -> LimitCheck | None:
     fastest = fastest_rate(plan.scene, plan.hinges, plan.settings.slips, dry=True)
     value = fastest * plan.duration * _PART / STABLE
     warning = (
-        f"dry friction may stop a hinge at a rate of {fastest:.3g} 1/s, and steps as short may "
-        f"take {value:.3g} s of time: give the hinge more armature, or less friction"
+        f"dry friction may stop a hinge within 1/{fastest:.3g} s, and such short steps may take "
+        f"{value:.3g} s to compute: give the hinge more armature, or less friction"
     )
     return LimitCheck(value, _MINUTE, warning)
 
@@ -221,7 +222,7 @@ def drive_seen(plan: PlannedRun) -> LimitCheck | None:
         rule = RULE
     error_of = partial(plan.scene.sampling_error, plan.duration, rule=rule)
     value, step = error_of(plan.timestep), seeing_step(error_of, plan.timestep, limit, order)
-    effect = "a drive changes within a step, which will put its rate off"
+    effect = "a drive changes within a step, which will change its mean rate"
     remedy = f"take a timestep below {step:.2g} s, or the preset exact"
     return error_check(value, limit, effect, remedy)
 
@@ -247,8 +248,8 @@ def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
     if plan.scene.rolling != "rubber" or plan.settings.condim is None:
         return None
     warning = (
-        f"the ball will spin on the spot: condim is {plan.condim}, and rubber needs 4: leave "
-        "condim None"
+        f"the ball will spin on the spot: condim is {plan.condim}, but the rubber model needs 4: "
+        "leave condim at None"
     )
     return LimitCheck(plan.condim, 4, warning, least=True)
 
@@ -267,8 +268,8 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
         return None
     weight = plan.scene.ball.mass * plan.scene.gravity
     value = coefficient * weight * plan.duration / plan.scene.momentum_scale
-    effect = "rolling or torsional friction, which the rolling model does not have, will reduce M"
-    return error_check(value, plan.settings.error_tolerance, effect, "leave condim None")
+    effect = "rolling or torsional friction, absent from the rolling model, will reduce M"
+    return error_check(value, plan.settings.error_tolerance, effect, "leave condim at None")
 
 
 def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
@@ -284,7 +285,7 @@ def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
     left_out = np.cross(plan.angular_velocity, plan.Omega)
     acceleration = plan.scene.ball.radius * float(np.linalg.norm(np.cross(left_out, plan.axes[2])))
     value = _slip(plan, acceleration)
-    effect = "with the frame as root the ball will slip off its path"
+    effect = "with the frame as root, slip will take the ball off its path"
     return error_check(value, plan.settings.error_tolerance, effect, 'take root="shell"')
 
 
@@ -299,7 +300,7 @@ def turning_plane(plan: PlannedRun) -> LimitCheck | None:
         return None
     speed = float(np.linalg.norm(plan.rolling_velocity))
     value = _slip(plan, abs(float(plan.scene.plane_turn.rate(0.0))) * speed)
-    effect = "on a turning plane a pyramidal cone will let the ball slip off its path"
+    effect = "on a turning plane, slip under a pyramidal cone will take the ball off its path"
     return error_check(value, plan.settings.error_tolerance, effect, 'take cone="elliptic"')
 
 
@@ -320,7 +321,7 @@ def creep(plan: PlannedRun) -> LimitCheck | None:
         softness *= plan.friction[0] ** 2
     force = float(np.linalg.norm(plan.loads.contact_force[:, :2], axis=1).max())
     value = _slip(plan, softness * force * inverse_inertia(plan)[0, 0])
-    effect = "soft friction will let the ball creep off its path"
+    effect = "creep under soft friction will take the ball off its path"
     remedy = "give noslip_iterations 1 with an elliptic cone, or solimp nearer to 1"
     return error_check(value, plan.settings.error_tolerance, effect, remedy)
 
@@ -346,7 +347,7 @@ def start_depth(plan: PlannedRun) -> LimitCheck | None:
     if plan.settings.start_in_equilibrium:
         return None
     value, limit = plan.equilibrium_depth / plan.scene.ball.radius, plan.settings.error_tolerance
-    effect = "the ball will fall into the contact, relative to its radius,"
+    effect = "relative to its radius, the ball will sink into the plane"
     return error_check(value, 2 * limit, effect, "set start_in_equilibrium")
 
 
@@ -362,7 +363,7 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
     force = float(np.linalg.norm(plan.loads.contact_force[0, :2]))
     slip = force * float(inverse_inertia(plan)[0, 0]) * plan.timestep
     value = slip / (plan.scene.momentum_scale * plan.scene.ball.radius / plan.scene.ball.d)
-    effect = "the first step finds no contact, so the ball will slip, relative to its speed,"
+    effect = "the first step finds no contact. Relative to its speed, the ball will slip"
     return error_check(value, plan.settings.error_tolerance, effect, "set start_in_equilibrium")
 
 

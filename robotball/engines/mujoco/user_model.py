@@ -89,7 +89,7 @@ class UserModel:
             robot.roll(data, np.array([0.0, self.push / self.robot.radius, 0.0]))
         if not _sound(data):
             largest = float(np.abs([*data.qpos, *data.qvel]).max())
-            line = f"the start has a position or velocity of {largest:.3g}, beyond {DIVERGED:g}"
+            line = f"the start has a position or velocity of {largest:.3g}, above {DIVERGED:g}"
             raise InputError(f"{robot.path}: {line}")
         return data
 

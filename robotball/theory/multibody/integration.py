@@ -121,12 +121,12 @@ def _end_of_range(scene: Scene, march: March, samples: int) -> str | None:
     ended = f"{joint} reaches its range of {interval} at t = {t:.6g} s"
     if not t > 0:
         raise EarlyEndError(
-            f"{scene.name}: {joint} starts at its stop, an end of {interval}, and is pushed "
-            "against it: widen its range, or start it elsewhere"
+            f"{scene.name}: {joint} starts at an end of its range of {interval} and is pushed "
+            "against the stop: widen the range, or start elsewhere"
         )
     if samples < 2:
         raise EarlyEndError(
-            f"{scene.name}: {ended}, before the first sample: widen its range, or sample more often"
+            f"{scene.name}: {ended}, before the first sample: widen the range, or sample more often"
         )
     warn(f"{scene.name}: {ended}, where the motion ends")
     return ended
@@ -161,7 +161,7 @@ def _check_rates(scene: Scene, duration: float, limit: int, progress: Progress |
     steps = rate * duration / _STABLE
     if steps > _MANY_STEPS:
         line = (
-            f"{scene.name}: its motors settle at {rate:.3g} 1/s, so {duration:g} s take at least "
+            f"{scene.name}: its motors settle at {rate:.3g} 1/s, so {duration:g} s need at least "
             f"{steps:.2g} steps, about {steps * _SECONDS / 60:.2g} min: lower the gains, raise the "
             "armatures, or prescribe the rates"
         )

@@ -76,7 +76,7 @@ class SlipSteps:
                 return None
             length *= min(max(_LEAST, factor), _SAFETY)
             if length < 10 * np.spacing(self.end):
-                return "the step for its tolerance is shorter than the spacing of numbers"
+                return "the tolerance needs steps below the spacing of floating-point numbers"
 
     def _linearize(self) -> None:
         """Compute the derivative (n,) of the state, and what turns of the directions change.

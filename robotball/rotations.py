@@ -25,11 +25,9 @@ def as_floats(name: str, value: object, shape: tuple[int, ...] | None = None) ->
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        array = None
-    if array is None or shape not in (None, array.shape):
-        if array is not None:
-            raise InputError(f"{name} must have shape {shape}; {value!r} has shape {array.shape}")
-        raise InputError(f"{name} must be numbers, not {value!r}")
+        raise InputError(f"{name} must be numbers, not {value!r}") from None
+    if shape not in (None, array.shape):
+        raise InputError(f"{name} must have shape {shape}; {value!r} has shape {array.shape}")
     return array
 
 
@@ -144,7 +142,7 @@ def direction(name: str, v: Array) -> Array:
     """Return the unit vector (3,) along `v` (3,). Raises InputError if `v` is zero or infinite."""
     length = float(np.linalg.norm(v))
     if not (np.isfinite(length) and length > 0):
-        raise InputError(f"{name} must be finite, and not all 0: it is {v.tolist()}")
+        raise InputError(f"{name} must be finite and not zero; it is {v.tolist()}")
     return normalised(v)
 
 

@@ -120,7 +120,7 @@ def shown(rows: Rows, folder: Path) -> str:
         line = message.replace(f"{folder}/", "").replace(f"{PROJECT}/", "")
         line = re.sub(r"(tests/\S+ line) \d+", r"\1 …", line)
         line = re.sub(rf"{OTHERS} .+", r"\1 …", line)
-        line = re.sub(r"(masses: only|only t =|steps reach t =|needs about) \S+", r"\1 …", line)
+        line = re.sub(r"(masses: only|only t =|needs about) \S+", r"\1 …", line)
         line = re.sub(r"\d+\.\d{3,}(e[-+]\d+)?", lambda number: f"{float(number[0]):.3g}", line)
         lines.add(f"{' '.join(asked.split())}\n    {line}\n")
     return "".join(sorted(lines))

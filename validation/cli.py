@@ -165,7 +165,7 @@ def _words_of(error: CycloptsError) -> str:
         case CoercionError(token=token, target_type=kind) if token and kind in _KINDS:
             return f"{token.keyword} takes {_KINDS[kind]}, not {token.value!r}"
         case MissingArgumentError(argument=argument, keyword=None) if argument:
-            return f"{command} needs {argument.name}; {more} explains this argument"
+            return f"{command} needs {argument.name}; {more} explains {argument.name}"
         case MissingArgumentError(keyword=option):
             return f"{option} needs a value; {more} lists the values"
         case RepeatArgumentError(token=token):

@@ -280,7 +280,7 @@ def span_of(text: str) -> tuple[str, float, float]:
     except ValueError:
         low = high = math.nan
     if not 0 < abs(high - low) < math.inf:
-        raise InputError(f"--over takes a range NAME=FROM:TO, such as Omega=0:1, not {text!r}")
+        raise InputError(f"--over takes NAME=FROM:TO with FROM ≠ TO, as Omega=0:1, not {text!r}")
     return name, low, high
 
 

@@ -317,7 +317,7 @@ def _symmetric_positive(A: ArrayLike) -> Array:
         raise InputError(f"A must be symmetric; it is {matrix.tolist()}")
     least = float(np.linalg.eigvalsh(matrix)[0])
     if not least > 0:
-        raise InputError(f"A must have positive eigenvalues; the least is {least:.6g} 1/(kg m²)")
+        raise InputError(f"the least eigenvalue of A must be positive, not {least:.6g} 1/(kg m²)")
     # The values must also be moderate, so that products of a few do not overflow.
     for value in (least, float(np.abs(matrix).max())):
         check_positive("A", value, "1/(kg m²)")

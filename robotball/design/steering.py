@@ -196,12 +196,11 @@ def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> li
     friction = robot.friction
     sliding = float(loads.sliding_friction.max())
     if friction.sliding is not None and sliding > friction.sliding:
-        has = f"but friction.sliding is {friction.sliding:g}"
-        lines.append(f"slips: needs a sliding friction of {sliding:.3g}, {has}")
+        lines.append(f"slips: friction.sliding must be {sliding:.3g}, not {friction.sliding:g}")
     torsional = float(loads.torsional_friction.max())
     if friction.torsional is not None and torsional > friction.torsional:
-        has = f"but friction.torsional is {friction.torsional:g} m"
-        lines.append(f"spins: needs a torsional friction of {torsional:.3g} m, {has}")
+        own = f"not {friction.torsional:g} m"
+        lines.append(f"spins: friction.torsional must be {torsional:.3g} m, {own}")
     return lines
 
 

@@ -113,7 +113,7 @@ def varied(
 def momentum_across(rolling: Rolling, momentum: Array, f: float, c: float) -> Array:
     """Return M (3,), world, with the given f = M² and c = (M, γ), in the heading of `momentum`."""
     if rolling == "rubber" and c != 0:
-        raise InputError(f"c is {c:g}, but must be 0 in the rubber model (equation (3.1)): vary f")
+        raise InputError(f"c must be 0 in the rubber model (equation (3.1)), not {c:g}: vary f")
     across = float(np.hypot(*momentum[:2]))
     if not (f > c * c and across > 0):
         raise InputError(

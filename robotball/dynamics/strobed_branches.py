@@ -83,7 +83,7 @@ def _with_number(scene: Scene, name: str, value: float) -> Scene:
     varied = replace(scene.with_hinges(command=commands), plane_motion=(X, Y, Z))
     if name == "frequency" and abs(value * period_of(varied) - 1) > _SIZE:
         raise InputError(
-            f"{scene.name}: the mean rate of a hinge sets the period: vary that rate, not frequency"
+            f"{scene.name}: full turns of a hinge set the period: vary the mean rate of that hinge"
         )
     return varied
 

@@ -325,8 +325,8 @@ def runnable(scene: Scene, times: Times, request: Request) -> Array:
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
     if scene.controller and not getattr(request.engine, "closes_loops", False):
         raise InputError(
-            f"{request.engine.label.name} cannot run {scene.name}, which has a controller; choose "
-            "mujoco or multibody"
+            f"{request.engine.label.name} cannot run {scene.name}: the engine has no controllers; "
+            "choose mujoco or multibody"
         )
     return times_of(times, scene)
 

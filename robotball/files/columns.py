@@ -84,8 +84,7 @@ def read_table(path: Path, gaps: bool = False) -> Table:
 def _of_suffix(path: Path, functions: Mapping[str, Any]) -> Any:
     suffix = path.suffix.lower()
     if suffix not in functions:
-        known = f"a table's name must end with {', '.join(functions)}"
-        raise InputError(f"{path}: {known}, not with {suffix!r}")
+        raise InputError(f"{path}: a table must end with {', '.join(functions)}, not {suffix!r}")
     return functions[suffix]
 
 
@@ -97,7 +96,7 @@ def read_samples(path: Path) -> Samples:
     table = read_table(path)
     if len(table.columns) != 2:
         there = ", ".join(table.columns)
-        raise InputError(f"{path}: samples need two columns, time and value; it has {there}")
+        raise InputError(f"{path}: samples need two columns, time and value; there are {there}")
     for name, units in zip(table.columns, (_TIME, VALUES), strict=True):
         if (unit := table.units.get(name)) and unit not in units:
             raise InputError(f"{path}: {name} is in {unit}; samples need {', '.join(units[:3])}")

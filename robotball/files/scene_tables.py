@@ -97,7 +97,7 @@ def rate_of(command: Command, folder: Path) -> Rate:
         return read_samples(folder / command.file)
     if command.times is None or command.values is None:
         missing = "times" if command.times is None else "values"
-        raise InputError(f"samples: key {missing!r} is missing; or give 'file' instead")
+        raise InputError(f"samples: key {missing!r} or 'file' is missing")
     return Samples(times=tuple(command.times), values=tuple(command.values))
 
 
@@ -236,7 +236,7 @@ class _Round(_Matter, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.diameter is None is self.radius:
-            raise ValueError("key 'radius' is missing; or give 'diameter' instead")
+            raise ValueError("key 'radius' or 'diameter' is missing")
         if self.diameter is not None and self.radius:
             raise ValueError("give a radius or a diameter, not both")
 
@@ -395,7 +395,7 @@ class ShellTable(_Round, frozen=True):
         if self.mass is None:
             raise InputError("shell: key 'mass' is missing")
         if inertia is None:
-            raise InputError("shell: key 'thickness' is missing; or give 'inertia' instead")
+            raise InputError("shell: key 'thickness' or 'inertia' is missing")
         if inertia == "thin":
             moment = shell_inertia(self.outer, self.mass)
             return self.mass, moment, moment

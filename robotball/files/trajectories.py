@@ -296,7 +296,7 @@ def _trajectory_of(table: Table, name: str, names: Mapping[str, str]) -> Traject
     missing = [column for column in _NEEDED if column not in columns]
     if missing:
         there, needed = ", ".join(table.columns) or "none", "t,x,y and qw,qx,qy,qz"
-        line = f"columns {','.join(missing)} are missing; {needed} are needed; the file has {there}"
+        line = f"missing: {','.join(missing)}; needed: {needed}; in the file: {there}"
         raise InputError(f"{line}; name a column with --map TITLE={missing[0]}")
     if table.header.get(RECORDS):  # a topic has its own times
         whole = np.isfinite(np.stack([*columns.values()])).all(axis=0)
@@ -489,7 +489,7 @@ def _check_finite(name: str, column: Array, times: Array) -> None:
     bad = np.flatnonzero(~(np.abs(column) <= LARGEST))
     if len(bad):
         i = int(bad[0])
-        more = f" and bad in {len(bad) - 1} more" if len(bad) > 1 else ""
+        more = f", and {len(bad) - 1} more are bad" if len(bad) > 1 else ""
         at = f" (t = {times[i]:g} s)" if name != "t" else ""
         limit = f"values must be finite and at most {LARGEST:g} in size"
         raise InputError(f"{name} is {column[i]} in row {i + 1}{at}{more}: {limit}")
@@ -526,5 +526,5 @@ def together(columns: Mapping[str, Array], names: tuple[str, ...]) -> Array | No
     """Return the columns of these names (n, k), or None. Raises InputError if some are missing."""
     present = [name for name in names if name in columns]
     if present and len(present) < len(names):
-        raise InputError(f"give all of {', '.join(names)}, or none; there is {', '.join(present)}")
+        raise InputError(f"give all of {', '.join(names)}, or none; found {', '.join(present)}")
     return np.stack([columns[name] for name in names], axis=1) if present else None

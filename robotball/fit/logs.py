@@ -195,7 +195,7 @@ def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> 
         titles += [f"{scene.hinges[0].name}_{kind}" for kind in _OF_HINGES]
         raise InputError(
             f"no sensor; the file has {', '.join(table.columns)}. Columns of sensors are "
-            f"{', '.join(titles)} (so for each hinge): rename with --map TITLE=COLUMN"
+            f"{', '.join(titles)}, and so for each hinge: rename one with --map TITLE=COLUMN"
         )
     _check_dense(sensors, scene)
     commands = {}

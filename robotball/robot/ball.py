@@ -172,7 +172,7 @@ class Solid:
         largest = float(np.abs(self.inertia).max())
         off = float(np.abs(self.inertia - axial_tensor(axial, transverse, axis)).max())
         if off > SYMMETRIC * largest:
-            fault = f"an entry of its inertia of {largest:.6g} kg m² is off by {off:.6g} kg m²"
+            fault = f"its inertia of {largest:.6g} kg m² is off by {off:.6g} kg m²"
             raise InputError(f"{name} is not symmetric about its axis: {fault}; use a {otherwise}")
         # The moments of a disc are 2 to 1, except for rounding, and a Rotor takes no larger ratio.
         if axial < 2 * transverse * (1 + SYMMETRIC):
@@ -729,16 +729,14 @@ def _check_inertia(name: str, inertia: Array) -> None:
         raise InputError(f"{name}'s inertia is not symmetric: {inertia.tolist()}")
     small, middle, large = np.linalg.eigvalsh(inertia)
     if small <= 0:
-        fault = f"the smallest one is {small:.6g} kg m²"
-        raise InputError(f"{name}'s principal moments of inertia must be positive: {fault}")
+        raise InputError(f"{name}'s least principal moment must be positive, not {small:g} kg m²")
     if small < 1 / _LARGEST_MOMENT:
         limit = f"at least {1 / _LARGEST_MOMENT:g}, not {small:.6g} kg m²"
-        raise InputError(f"{name}'s smallest principal moment must be {limit}")
+        raise InputError(f"{name}'s least principal moment must be {limit}")
     # Each moment is Σ m (x² + y²), so it cannot exceed the sum of the other two.
     if large - small - middle > ROUNDING * large:
         excess = f"{large:.6g} exceeds {small:.6g} + {middle:.6g} by {large - small - middle:.6g}"
-        rule = "no principal moment of a body can exceed the sum of the two others"
-        raise InputError(f"{name}'s inertia is impossible: {rule}, but {excess} kg m²")
+        raise InputError(f"{name}'s inertia has an impossible principal moment: {excess} kg m²")
 
 
 def _check_entries(name: str, inertia: Array) -> None:

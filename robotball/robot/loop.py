@@ -132,14 +132,14 @@ class Loop:
             if name not in self.held:
                 raise self._no_command(name)
             if name in self.with_activation:
-                raise self._refused(f"cannot command {name}: remove its lag (activation)")
+                raise self._refused(f"cannot command {name}: remove the lag of its activation")
             try:
                 command = float(value)
             except (TypeError, ValueError):
                 command = math.nan
             if not abs(command) <= LARGEST:
                 line = f"gives {name} the command {value!r} at t = {reading.time:g} s"
-                raise self._refused(f"{line}; commands are finite and at most {LARGEST:g} in size")
+                raise self._refused(f"{line}; commands must be finite, at most {LARGEST:g} in size")
             low, high = self.command_limits.get(name, NO_LIMITS)
             commands[name] = min(max(command, low), high)
         return commands
@@ -150,8 +150,7 @@ class Loop:
             return self._refused(f"commands an unknown motor: {unknown('motor', name, self.held)}")
         hinge = self.scene.hinges[self.names.index(str(name))]
         reason = "rate is prescribed" if hinge.motor is None else "hinge turns freely"
-        remedy = "give the hinge a motor, for example Servo"
-        return self._refused(f"cannot command {name}, whose {reason}: {remedy}")
+        return self._refused(f"cannot command {name}, whose {reason}: give it a motor like Servo")
 
     def _refused(self, reason: str) -> InputError:
         return InputError(f"{self.scene.name}: the controller {reason}")

@@ -94,9 +94,8 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
     else:
         interval = _LONG_INTERVAL if duration > _LONG else SAMPLE_INTERVAL
     if not duration / interval < _MOST_SAMPLES:
-        count = f"{duration / interval:.3g} samples, but at most {_MOST_SAMPLES:g} are allowed"
-        line = f"{duration:g} s with a sample every {interval:g} s has {count}"
-        raise InputError(f"{line}; choose a longer interval")
+        count = f"{duration / interval:.3g} samples in {duration:g} s, not below {_MOST_SAMPLES:g}"
+        raise InputError(f"interval {interval:g} s gives {count}: choose a longer interval")
     # The factor absorbs rounding: 10/0.02 may be slightly more than 500.
     return np.linspace(0.0, duration, int(np.ceil(duration / interval * (1 - 1e-12))) + 1)
 
@@ -119,9 +118,8 @@ def times_of(times: Times, scene: "Scene | None" = None) -> Array:
     if times.ndim == 0:
         return sample_times(float(times))
     if times.ndim != 1 or len(times) < 2:
-        shape = times.shape
-        line = "times must be a duration [s], or a one-dimensional array of two or more times"
-        raise InputError(f"{line}; these have shape {shape}")
+        line = "times must be a duration [s], or an array (n,) of two or more times"
+        raise InputError(f"{line}; this has shape {times.shape}")
     if not np.all(np.isfinite(times)):
         raise InputError("times must be finite")
     check_size("the last of the times", float(times[-1]), "s")
@@ -223,9 +221,9 @@ def section_state(
     G = np.sqrt(f)
     L, l = np.broadcast_arrays(L, l)
     if not np.all(np.abs(L) <= G):
-        raise InputError(f"|L| must be at most sqrt(f) = {G:g}, not {np.abs(L).max():g}")
+        raise InputError(f"|L| = {np.abs(L).max():g} must be at most sqrt(f) = {G:g}")
     if not abs(c) < G:
-        raise InputError(f"|c| must be less than sqrt(f) = {G:g}, not {abs(c):g}")
+        raise InputError(f"|c| = {abs(c):g} must be less than sqrt(f) = {G:g}")
     across = np.sqrt(1 - (L / G) ** 2)
     M = G * np.stack([across * np.sin(l), across * np.cos(l), L / G], axis=-1)
     node = np.stack([np.cos(l), -np.sin(l), np.zeros(l.shape)], axis=-1)
@@ -276,7 +274,7 @@ def unit(name: str, v: Array) -> Array:
     """Return `v` (n,) normalised. Raises InputError if it is not a unit vector."""
     length = math.hypot(*v.tolist())  # does not overflow
     if not abs(length - 1) <= _CAPTION:
-        raise InputError(f"{name} must have length 1, but |{name}| = {length:.6g}")
+        raise InputError(f"{name} must have unit length, but |{name}| = {length:.6g}")
     return normalised(v)
 
 
@@ -297,9 +295,8 @@ def check_no_spin(shell: Array, gamma: Array) -> None:
     """Raise InputError if the shell's ω - Ω (3,) has a component along γ, against (2.2)."""
     spin = float(shell @ gamma)
     if not abs(spin) <= _CAPTION * float(np.linalg.norm(shell)):
-        fault = f"the shell's spin (ω - Ω, γ) is {spin:.6g} rad/s"
-        rule = "but must be 0 in the rubber model (equation (2.2))"
-        raise InputError(f"angular_velocity: {fault}, {rule}")
+        spins = f"the shell's spin (ω - Ω, γ) is {spin:.6g} rad/s"
+        raise InputError(f"angular_velocity: {spins}, but must be 0 for rubber (equation (2.2))")
 
 
 @dataclass(frozen=True)
@@ -663,8 +660,7 @@ class Scene(Value):
         """Raise InputError if (3.2) and (3.3) do not describe the scene."""
         if self.not_reduced:
             needed = "need a balanced ball with given rates on a level plane"
-            why = self.not_reduced
-            raise InputError(f"{self.name}: equations (3.2) and (3.3) {needed}, but {why}")
+            raise InputError(f"{self.name}: (3.2) and (3.3) {needed}, but {self.not_reduced}")
 
     @property
     def load_varies(self) -> bool:

@@ -451,7 +451,7 @@ def _rolling_start(table: tables.StartTable, ball: Ball) -> Start:
             return Start(attitude, rotation_matrix(attitude) @ np.array(table.momentum))
         return Start(attitude, np.array(table.momentum_world or (0.0, 0.0, 0.0)))
     keys = ", ".join(sorted(given)) or "nothing"
-    raise InputError(f"start gives {keys}; give one of these forms: {_START_FORMS}")
+    raise InputError(f"start gives {keys}; choose one form: {_START_FORMS}")
 
 
 def _turning(scene: Scene, omega: Array) -> Scene:

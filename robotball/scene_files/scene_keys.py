@@ -88,7 +88,7 @@ def _worded(path: str, error: str, keys: object) -> str:
     if expected := re.match(r"Expected (.*), got `?(\w+)`?$", error):
         # [rotor] in place of [[rotor]] is a common mistake, and gives a table instead of a list.
         if path.split(".")[-1] in _MANY and expected[2] == "object":
-            return f"a scene may have several: write [[{path}]] for each of them"
+            return f"a scene may have many of these: write [[{path}]] for each"
         # An optional key is a union with null, which TOML does not have.
         types, actual = expected[1].replace(" | null", ""), expected[2]
         types = re.sub(r"`array` of length (\d+)", r"a list of \1", types).replace(" | ", " or ")
@@ -105,7 +105,7 @@ def _value_at(keys: Any, path: str) -> float:
 
 def _listed(path: str) -> str:
     known = ", ".join(dict.fromkeys(_values_at(path)))
-    return f"; choose from {known}" if known else ""
+    return f"; known values are {known}" if known else ""
 
 
 def tables_at(path: str) -> list[inspect.StructType]:

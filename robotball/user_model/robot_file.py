@@ -235,7 +235,7 @@ class RobotFile:
             return f"{rule}; give geoms for drawing contype and conaffinity 0"
         if model.body_weldid[bodies[0]]:
             other = body_name(model, model.body_rootid[bodies[0]])
-            return f"{other} is another robot, but the equations have only one: remove {other}"
+            return f"{other} is another robot, but the equations have one robot: remove {other}"
         if gap > _HEIGHT * self.radius:
             return f"the robot starts {gap:.3g} m above the plane and would fall: start lower"
         return "only the plane may touch the robot at its start"
@@ -773,7 +773,7 @@ def _fixed_to(
     yield body, origin, axes
     for child in body.bodies:
         if child.joints:
-            raise InputError(f"{root} carries {child.name!r}, which moves: give a table for each")
+            raise InputError(f"{root} carries {child.name!r}, which moves: give each its own table")
         turned = axes @ rotation_matrix(child.quat)
         yield from _fixed_to(child, root, origin + axes @ child.pos, turned)
 

@@ -176,7 +176,7 @@ def _actuators(
         if moved.keys().isdisjoint(links):
             continue
         if len(moved) > 1 and (model.actuator_armature[i] or model.actuator_damping[i]):
-            raise InputError(f"{name} has armature or damping, so it must move only one joint")
+            raise InputError(f"the actuator {name} has armature or damping: it must move one joint")
         low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else _NO_LIMITS
         for joint, ratio in moved.items():
             if model.jnt_actfrclimited[joint]:

@@ -56,7 +56,7 @@ def check_format(path: Path) -> None:
     if path.suffix not in MODEL_FILES:
         instead = _INSTEAD.get(path.suffix, "")
         suffixes = f"{' or '.join(MODEL_FILES)}{instead.format(path)}"
-        raise InputError(f"{path}: MJCF and URDF files of robots must be named {suffixes}")
+        raise InputError(f"{path}: a scene is a TOML, MJCF or URDF file, named .toml or {suffixes}")
 
 
 def check_loads(path: Path, how: str = "compiled") -> None:

@@ -99,7 +99,7 @@ BODIES = {
         "pendulum1 pivot 1e+50 nan~m",
     "body('frame', centre=(0.01, 0.0))":
         "frame centre (3,) (0.01,~0.0)",
-    "body('rotor', axis='up')": "rotor axis (3,) 'up'",
+    "body('rotor', axis='up')": "rotor axis numbers 'up'",
     "body('frame', inertia=(0.1, 0.2))": "frame inertia (3,~3)",
     "start(attitude=(1.0, 0.0))": "start attitude (4,)",
     "body('shell', axis=NAN * UP)": "shell axis nan",

@@ -175,7 +175,7 @@ def _resistance(checked: Checked) -> Iterator[str]:
         return
     condim, ratio = checked.observation.contact.dim, found.friction / found.deceleration
     yield f"never stops: keeps {found.speed:.3g} m/s, as condim {condim} does not resist rolling"
-    line = f"third friction coefficient r(1 + k)/g a = {ratio:.3g} a"
+    line = f"third friction coefficient a r(1 + k)/g = {ratio:.3g} a"
     parts = " and ".join(f"{part:.0%} ({cone} cone)" for cone, part in found.delivered.items())
     seconds = found.speed / found.deceleration
     stops = f"{found.friction:.3g} stops the ball in {seconds:g} s; {LABEL.name} delivers {parts}"

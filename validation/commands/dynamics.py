@@ -151,8 +151,7 @@ def branches(
     Parameters
     ----------
     of
-        equilibrium: fixed points of the motion from rest; line, cycle: straight motions or cycles
-        with the scene's M.
+        Fixed points of the motion from rest; or straight motions or cycles with the scene's M.
     over
         The number that changes, and its range in SI units (angles in degrees). Numbers are K1 to
         K3, Omega1 to Omega3, K, Omega, f, c, and angles such as K12, K31 and Omega12. For periodic

@@ -232,9 +232,8 @@ class Control:
         self.taken += 1
         if self.taken > _MOST_PARTS + _PARTS * self.planned:
             raise TooManyPartsError(
-                f"{self.planned} steps were divided into more than {self.taken - 1} parts, near a "
-                "standstill or at torque limits: choose another timestep, a lower gain, or no "
-                "friction.rolling"
+                f"{self.planned} steps have {self.taken} parts, near a standstill or at torque "
+                "limits: choose another timestep, a lower gain, or no friction.rolling"
             )
         self.step(data, length)
 

@@ -78,8 +78,7 @@ def low_weight(plan: PlannedRun) -> LimitCheck | None:
     value = float((squared * plan.timestep**2) ** 3 * plan.duration / _MEASURED)
     step = plan.timestep * (plan.tolerance / value) ** (1 / 6)
     effect = "the low weight makes the ball swing fast, which will change RK4's path"
-    remedy = "take a timestep below"
-    return error_check(value, plan.tolerance, effect, f"{remedy} {step:.2g} s")
+    return error_check(value, plan.tolerance, effect, f"take a timestep below {step:.2g} s")
 
 
 def servo_gain(plan: PlannedRun) -> LimitCheck | None:

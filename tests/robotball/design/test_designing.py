@@ -231,7 +231,7 @@ INFEASIBLE: dict[str, dict[str, Any]] = {
     "shell frame rotor triangle 0.7~kg J_s/a² 0.9~kg 0.75~kg 0.15~kg":
         {"limits": Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.2)},
     # The margin is rounding, with arbitrary digits.
-    "masses margin 2.75e-09~kg":
+    "masses minimum 2.75e-09~kg":
         {"mass": 0.6, "limits": Limits(shell_mass=0.06, frame_mass=0.54 - 6e-11)},
 }  # fmt: skip
 

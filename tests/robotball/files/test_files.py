@@ -53,7 +53,7 @@ def test_a_file_of_the_greatest_length_is_read(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"12345")
     assert contents(path, 5) == b"12345"
-    with pytest.raises(rb.InputError, match="shorten it"):
+    with pytest.raises(rb.InputError, match="shorten the file"):
         contents(path, 4)
 
 

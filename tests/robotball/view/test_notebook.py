@@ -135,7 +135,7 @@ def test_a_scene_without_a_path_is_still_displayed(monkeypatch: pytest.MonkeyPat
     """The cell shows the reason; it neither raises nor takes minutes."""
     monkeypatch.setattr(notebook, "_STEPS", 200)
     shown = shown_in_a_notebook(rb.load_scene("servo_motors"))
-    assert "200 steps reach t = " in shown
+    assert "200 steps reach only t = " in shown
     assert "<img" not in shown
     odd = shown_in_a_notebook(replace(SCENE, title="<b> & $x$", duration=0.1))
     ElementTree.fromstring(odd)

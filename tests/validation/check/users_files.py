@@ -181,7 +181,7 @@ CASES = {
     # stops
     "stop far away": Case({"axle": 'range="-170 170"'}, RIGHT, ""),
     "stop that is reached": Case({"axle": 'range="-.2 .2"'}, OFF, "axle reaches its range"),
-    "stop at the start": Case({"axle": 'range="-60 0"'}, REFUSED, "axle starts at its stop"),
+    "stop at the start": Case({"axle": 'range="-60 0"'}, REFUSED, "axle starts at an end of its range"),
     "stop that it leaves": Case({"axle": 'range="0 170"'}, RIGHT, ""),
     "starts outside its stops": Case({"axle": 'range="5 60"'}, REFUSED, "outside its range"),
     "radians in degrees": Case({"axle": 'range="-.0157 .0157"'}, REFUSED, "axle reaches its range"),
@@ -258,7 +258,7 @@ CASES = {
     "no keyframe": Case({"key": ""}, RIGHT, "No control given"),
     "two robots": Case(
         {"world": '<body name="other" pos="1 0 .15"><freejoint/><geom name="twin" type="sphere" '
-         'size=".15" mass="1"/></body>'}, REFUSED, "name one with `--shell`"),
+         'size=".15" mass="1"/></body>'}, REFUSED, "choose one with `--shell`"),
     "two robots, one named": Case(
         {"world": '<body name="other" pos="1 0 .15"><freejoint/><geom name="twin" type="sphere" '
          'size=".15" mass="1"/></body>'}, RIGHT, "other is not part of", ("--shell", "ball")),
@@ -269,7 +269,7 @@ CASES = {
         {"top": '<asset><mesh name="m" file="no.stl"/></asset>',
          "shell": '<geom type="mesh" mesh="m"/>'}, REFUSED, "no.stl, which gives ball mass"),
     "a missing include": Case({"top": '<include file="no.xml"/>'}, REFUSED, "no.xml"),
-    "URDF": Case({"file": _URDF.format("continuous")}, RIGHT, "as a URDF has none"),
+    "URDF": Case({"file": _URDF.format("continuous")}, RIGHT, "because a URDF has none"),
     "URDF with stops": Case({"file": _URDF.format("revolute")}, OFF, ""),
     "URDF of one fixed body": Case({"file": _URDF.format("fixed")}, RIGHT, ""),
     "URDF of a solid base": Case({"file": _SOLID_BASE}, RIGHT, "bob has no joint"),

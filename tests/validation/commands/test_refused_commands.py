@@ -130,7 +130,7 @@ REFUSED = {
     },
     "dynamics basins chaplygin_ball": "turn 'robotball~dynamics~section~chaplygin_ball'",
     "dynamics equilibria rubber_chaplygin_ball": (
-        "rests 'robotball~dynamics~section~rubber_chaplygin_ball'"
+        "rest 'robotball~dynamics~section~rubber_chaplygin_ball'"
     ),
     # files to read
     **{
@@ -168,7 +168,7 @@ REFUSED = {
     f"compare fig12 --json {LONG}": "File~name~too~long",
     "study cost fig12 --quick --out t": "t/fig12-cost.jsonl",
     "compare fig12 --json - --csv -": "standard~output one",
-    "compare fig12 --out=-": "output~folder",
+    "compare fig12 --out=-": "--out folder",
 }
 
 # What the catalogue of messages leaves out: one message again, a slow one and the system's own.

@@ -230,7 +230,7 @@ def _condim(seen: Observation) -> Iterator[Change]:
 def _cone(seen: Observation) -> Iterator[Change]:
     """A pyramidal cone couples the directions of friction, and weakens rolling resistance."""
     if seen.option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC):
-        words = "the friction cone is a pyramid, so friction is not opposite to the slip"
+        words = "the friction cone is a pyramid, so that friction is not opposite to the slip"
         delivered = seen.symptoms.delivered
         if delivered is not None and delivered < _DELIVERED:
             words += f" and delivers {delivered:.0%} of the rolling resistance"

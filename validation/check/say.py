@@ -196,10 +196,10 @@ def _symptoms(checked: Checked) -> Iterator[str]:
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     if length > _LEAST_PATH * radius and not (seen.theory.slipping or symptoms.diverged):
         speed = length / seen.motion.times[rolls][-1]
-        yield f"slip: {scientific(measured.slip[rolls].mean() / speed)} of the path"
+        yield f"slip: {scientific(measured.slip[rolls].mean() / speed)} of its path"
         if scene.rolling == "rubber":
             spin = radius * np.abs(measured.spin[rolls]).mean() / speed
-            yield f"spin: {scientific(spin)} of the path"
+            yield f"spin: {scientific(spin)} of its path"
     if symptoms.delivered is not None and seen.judged and not symptoms.failure:
         declared = f"the file and the reference declare {scene.friction.rolling:g} m"
         line = (

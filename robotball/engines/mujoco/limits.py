@@ -348,8 +348,8 @@ def contact_spring(plan: PlannedRun) -> LimitCheck | None:
     value = float(growth)
     # Rounding must not turn a vibration of constant size into a fault.
     warning = (
-        f"each step will multiply the contact's vibration by {value:.4g}: take a softer solref, "
-        "such as (0.04, 1), or a shorter timestep"
+        f"the contact's vibration will grow by a factor of {value:.4g} per step: take a softer "
+        "solref, such as (0.04, 1), or a shorter timestep"
     )
     return LimitCheck(value, 1 + 1e-9, warning)
 

@@ -164,7 +164,7 @@ def _slipping(seen: Observation) -> Iterator[str]:
         return
     part = sum(end - begin for begin, end in theory.slipping) / theory.times[-1]
     yield f"slips: {listed(theory.slipping)} ({part:.1%} of the time), as its friction implies"
-    yield f"friction: {needed_friction(seen)}. {LABEL.name} uses {friction_source(robot)}"
+    yield f"friction: {needed_friction(seen)}. {LABEL.name} takes {friction_source(robot)}"
     if not seen.failure:
         yield f"the file is {seen.error:.2%} off the path under Coulomb's law with this friction"
 

@@ -450,7 +450,7 @@ def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[tupl
     elif joints != [_FREE]:
         own = np.flatnonzero(model.jnt_bodyid == root).tolist()
         others = ", ".join(model.joint(i).name or f"joint {i}" for i in own)
-        raise InputError(f"{name} must be free: replace its {others} by a <freejoint/>")
+        raise InputError(f"{name} must be free: put a <freejoint/> in place of {others}")
     else:
         joint, found = spec.bodies[root].joints[0], dict[str, str]()
         for kind in ("damping", "armature", "frictionloss", "stiffness"):

@@ -256,7 +256,7 @@ def _references(
             causes = (f"; perhaps the {name}: {it}" for name, it in unusual_numbers(user, scene))
             words = str(error).partition(": shorten")[0]
             if "lifts off" in words:
-                words += "; a motor, a spring or the start is too strong: lower the control or the rate"
+                words += "; a motor, a spring or the start is too strong: lower the control or rate"
             refusal = InputError(f"{words}{''.join(causes)}")
             if isinstance(error, _SlowError):
                 break

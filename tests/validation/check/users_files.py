@@ -181,7 +181,7 @@ CASES = {
     # stops
     "stop far away": Case({"axle": 'range="-170 170"'}, RIGHT, ""),
     "stop that is reached": Case({"axle": 'range="-.2 .2"'}, OFF, "axle reaches its range"),
-    "stop at the start": Case({"axle": 'range="-60 0"'}, REFUSED, "axle starts at an end of its range"),
+    "stop at the start": Case({"axle": 'range="-60 0"'}, REFUSED, "axle starts at an end"),
     "stop that it leaves": Case({"axle": 'range="0 170"'}, RIGHT, ""),
     "starts outside its stops": Case({"axle": 'range="5 60"'}, REFUSED, "outside its range"),
     "radians in degrees": Case({"axle": 'range="-.0157 .0157"'}, REFUSED, "axle reaches its range"),
@@ -267,7 +267,7 @@ CASES = {
          'texture="t"/></asset>', "solid": 'material="m"'}, RIGHT, "no.png is missing"),
     "a missing mesh": Case(
         {"top": '<asset><mesh name="m" file="no.stl"/></asset>',
-         "shell": '<geom type="mesh" mesh="m"/>'}, REFUSED, "no.stl, which gives ball mass"),
+         "shell": '<geom type="mesh" mesh="m"/>'}, REFUSED, "gives ball its mass"),
     "a missing include": Case({"top": '<include file="no.xml"/>'}, REFUSED, "no.xml"),
     "URDF": Case({"file": _URDF.format("continuous")}, RIGHT, "because a URDF has none"),
     "URDF with stops": Case({"file": _URDF.format("revolute")}, OFF, ""),

@@ -211,7 +211,7 @@ class _Matter(Table, frozen=True):
 
     def __post_init__(self) -> None:
         if len(ways := self.given(*_MASS_KEYS)) > 1:
-            raise ValueError(f"give mass, density or material, only one, not {' and '.join(ways)}")
+            raise ValueError(f"give only one of mass, density, material, not {' and '.join(ways)}")
         if self.material is not None and self.material.lower() not in DENSITIES:
             raise unknown("material", self.material, DENSITIES)
 

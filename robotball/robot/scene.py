@@ -94,7 +94,7 @@ def sample_times(duration: float, interval: float | None = None) -> Array:
     else:
         interval = _LONG_INTERVAL if duration > _LONG else SAMPLE_INTERVAL
     if not duration / interval < _MOST_SAMPLES:
-        count = f"{duration / interval:.3g} samples in {duration:g} s, not below {_MOST_SAMPLES:g}"
+        count = f"{duration / interval:.3g} samples in {duration:g} s (limit {_MOST_SAMPLES:g})"
         raise InputError(f"interval {interval:g} s gives {count}: choose a longer interval")
     # The factor absorbs rounding: 10/0.02 may be slightly more than 500.
     return np.linspace(0.0, duration, int(np.ceil(duration / interval * (1 - 1e-12))) + 1)
@@ -659,8 +659,8 @@ class Scene(Value):
     def check_reduced(self) -> None:
         """Raise InputError if (3.2) and (3.3) do not describe the scene."""
         if self.not_reduced:
-            needed = "need a balanced ball with given rates on a level plane"
-            raise InputError(f"{self.name}: (3.2) and (3.3) {needed}, but {self.not_reduced}")
+            needed = "(3.2) and (3.3) need a balanced ball with given rates on a level plane"
+            raise InputError(f"{self.name}: equations {needed}, but {self.not_reduced}")
 
     @property
     def load_varies(self) -> bool:

@@ -176,7 +176,7 @@ def section_study(
     if period is None:
         scene = moving_scene(name, "a section")
     elif g:
-        raise InputError(f"{scene.name} is driven: its section is at a drive phase, without a g")
+        raise InputError(f"{scene.name} is driven: its section is at a drive phase, so omit --g")
     settings = None if preset is None else settings_of(preset)
     initial = level_starts(scene, starts, seed, g)
     total = check_count("skip", skip, 0) + check_count("count", count, 1)

@@ -235,7 +235,7 @@ class RobotFile:
             return f"{rule}; give geoms for drawing contype and conaffinity 0"
         if model.body_weldid[bodies[0]]:
             other = body_name(model, model.body_rootid[bodies[0]])
-            return f"{other} is another robot, but the equations have one robot: remove {other}"
+            return f"{other} moves on its own, but the equations have one robot: remove {other}"
         if gap > _HEIGHT * self.radius:
             return f"the robot starts {gap:.3g} m above the plane and would fall: start lower"
         return "only the plane may touch the robot at its start"
@@ -483,7 +483,7 @@ def _add_free_joint(spec: Any, model: Any, root: int) -> None:
 _UNSUPPORTED = {
     "an equality constraint": "eq_active0",
     "the drag of a medium (density or viscosity)": "opt.density opt.viscosity",
-    "gravcomp": "body_gravcomp",
+    "gravcomp, which takes weight off the plane,": "body_gravcomp",
     "a tendon with a spring, a damper, friction or limits":
         "tendon_stiffness tendon_damping tendon_frictionloss tendon_limited",
     "a tendon with actuatorfrcrange or armature": "tendon_actfrclimited tendon_armature",

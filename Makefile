@@ -142,7 +142,7 @@ run-package:
 	  sys.version_info >= (3, 13) or rb.dm_environment("fig12", [[0, 0], [0, 0]]).reset(); \
 	  sys.exit(any(sys.prefix not in file for file in files))'
 	rm -rf $(THERE)
-	@echo "robotball from *.$(ENDING) runs on Python $(VERSION)"
+	@echo "$$(ls $(RELEASE)/*.$(ENDING)) runs on Python $(VERSION)"
 
 bench: setup
 	$(BIN)/python -m bench.speed

@@ -60,7 +60,7 @@ class Slip:
         parts = [" and ".join(has)]
         if all(need):
             parts[0] += f", and rolling without slip needs {' and '.join(need)}"
-        parts.append(f"the ball slips from {listed(self.intervals)}")
+        parts.append(f"such a ball slips from {listed(self.intervals)}")
         return "; ".join(filter(None, [*parts, self.split]))
 
     @property

@@ -34,7 +34,7 @@ _OVERSIZED = 4.0  # times the ball's weight at its radius: an implausible motor 
 _FASTEST = 20.0  # m/s, plausible rolling speed
 # Other units that a larger number may be in, in units of the key.
 _OTHERS = {
-    "m": {"mm": 1e-3},
+    "m": {"cm": 1e-2, "mm": 1e-3},
     "kg": {"g": 1e-3},
     "rad": {"°": math.pi / 180},
     "rad/s": {"rpm": math.pi / 30},
@@ -181,9 +181,10 @@ def ask(path: Path, scene: Scene) -> None:
     else:
         numbers = _numbers_of(scene)
         questions = [q for number in numbers for q in _question(*number, limits.get(number[1]))]
-    more = f" Other such numbers in the file: {len(questions) - 1}" if questions[1:] else ""
+    more = ", ".join(question.partition(" is ")[0] for question in questions[1:])
     for question in questions[:1]:
-        warn(f"{path}: {counted(question)}{more}", UnitWarning)
+        question += f" Other such numbers: {more}" * bool(more)
+        warn(f"{path}: {counted(question)}", UnitWarning)
 
 
 def _limits_of(scene: Scene) -> dict[str, float]:
@@ -231,8 +232,9 @@ def _question(
     """Yield a question if a number is implausible; kind: a key or unit of `_OTHERS`."""
     light = kind == "kg/m³" and 0 < value < _LIGHTEST
     if light or (largest is not None and abs(value) * factor > largest):
-        others, size = _OTHERS[kind].items(), abs(value) * factor
-        fits = [other for other in others if size * other[1] <= (largest or math.inf)]
-        other, ratio = (fits or [*others])[0]
+        others, limit = _OTHERS[kind].items(), largest or math.inf
+        # Without the factor: a number of a motor may stand for the motor with its gear.
+        fits = [other for other in others if abs(value) * other[1] <= limit] or others
+        meant = " or ".join(f"{value * ratio:.4g} ({value:g} {other})" for other, ratio in fits)
         shown = f"{value:g} {unit or kind}".removesuffix(" 1")
-        yield f"{name} is {shown}; did you mean {value * ratio:.4g} ({value:g} {other})?"
+        yield f"{name} is {shown}; did you mean {meant}?"

@@ -21,7 +21,13 @@ from robotball.motion import ReferenceMotion
 from robotball.robot.drives import as_drive
 from robotball.rotations import Array
 from robotball.user_model.mended_file import Change, Editable, StartShift, editable
-from robotball.user_model.robot_file import body_name, default_class, geom_name, start_misses
+from robotball.user_model.robot_file import (
+    body_name,
+    default_class,
+    gears_of,
+    geom_name,
+    start_misses,
+)
 
 from .observe import Observation, shock_time
 
@@ -42,6 +48,7 @@ _EULER_ID, _RK4_ID = map(int, (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtInteg
 _SPRING_LIMITS = {"EULER": 4.0, "RK4": 8.0}
 _SHORTEST_STEP = 1e-4  # s, of trials
 _EXPLICIT = {_EULER_ID: INTEGRATORS["Euler"], _RK4_ID: INTEGRATORS["RK4"]}
+_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 _SAME_SLIP = 1e-3  # of the slip of a start: what may be left of it
 _SLIP = 1e-3  # of a start's speed: less is a rounding of its numbers
 _LIMITED = 0.5  # of the time: a servo may meet its limit for less while it starts
@@ -165,7 +172,7 @@ def _feedback(user: UserModel) -> Iterator[tuple[str, str, float, float, int, fl
             _, kp, kv = (-model.actuator_biasprm[i, :3]).tolist()
             yield name, "kv", kv, gear, 1, inverse
             yield name, "kp", kp, gear, 2, inverse
-    for joint in np.flatnonzero(model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)).tolist():
+    for joint in np.flatnonzero(model.jnt_type >= _SLIDE).tolist():
         dof, name = int(model.jnt_dofadr[joint]), model.joint(joint).name or f"joint {joint}"
         inverse = mobility(np.eye(model.nv)[dof])
         if model.opt.integrator == _RK4_ID:  # other integrators take damping implicitly
@@ -268,10 +275,24 @@ def needed_friction(seen: Observation) -> str:
     """Return the friction of the file, and the friction that rolling needs, in words."""
     slide, _, spin, *_ = seen.contact.friction
     sliding, torsional = _needs(seen)
-    words = f"sliding friction {slide:.3g}; rolling needs {sliding:.2g}"
+    words = f"sliding friction {slide:.3g}; rolling needs {sliding:.2g}{_jump(seen, sliding)}"
     rubber = seen.theory.scene.rolling == "rubber"
     more = f"; torsional friction {spin:.3g} m; rolling needs {torsional:.2g} m"
     return words + more * rubber
+
+
+def _jump(seen: Observation, needed: float) -> str:
+    """Return the servo whose jump to its command needs this friction at t = 0, in words, or ""."""
+    model, data = seen.user.robot.model, seen.user.begin()
+    mujoco.mj_forward(model, data)
+    servos = model.actuator_biastype != 0
+    forces = np.abs(data.actuator_force * model.actuator_gear[:, 0]) * servos
+    first = (seen.ideal or seen.theory).loads.sliding_friction[0]
+    if not forces.any() or round(float(first), 6) < needed:
+        return ""
+    name, joints = [*gears_of(model).items()][forces.argmax()]
+    unit = "N" if _SLIDE in model.jnt_type[[*joints]] else "N m"
+    return f" at t = 0, because {name} jumps to its command ({forces.max():.3g} {unit})"
 
 
 def limited_actuators(theory: ReferenceMotion) -> Iterator[tuple[str, str]]:

@@ -51,7 +51,10 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     lines = [*notes, *_verdict(checked), *_symptoms(checked)]
     if checked.is_changed:
         error = checked.mended_error
-        missed = f", above {seen.accuracy:g}" if error > seen.accuracy else ""
+        todo = "correct the causes marked !, and check again"
+        if not any(row["change"].startswith("!") for row in rows):
+            todo = "accept it with --accuracy, or check a shorter --duration"
+        missed = f", above {seen.accuracy:g}: {todo}" if error > seen.accuracy else ""
         words = f"path error {scientific(error)}{missed}" if np.isfinite(error) else "it diverges"
         lines.append(f"mended: {words}")
     # The error of a motion that breaks off, or in which nothing moves, has no meaning.
@@ -110,6 +113,10 @@ def causes_of(checked: Checked) -> list[str]:
         causes.insert(0, f"gain: {gain.words}{steps}")
     for name, words in reversed(unusual):
         causes.insert(len(causes) if helped and meant.get(name) else 0, f"{name}: {words}")
+    # An unstable servo makes the ball slip, whatever the friction.
+    names = [cause.partition(": ")[0] for cause in causes]
+    if "gain" in names and "friction" in names[: names.index("gain")]:
+        causes.insert(names.index("gain"), causes.pop(names.index("friction")))
     causes = [f"{name}: {words}" for name, words in seen.user.robot.repairs.items()] + causes
     if not causes and seen.judged and not checked.agrees and not checked.short:
         tried = ", ".join(dict.fromkeys(change.name for change in checked.spared))
@@ -150,7 +157,8 @@ def _verdict(checked: Checked) -> Iterator[str]:
     causes = causes_of(checked)
     # Friction that is too small is not an error of the contact, which may have another.
     friction = causes[:1] and causes[0].startswith("friction: it")
-    for cause in causes[: 2 if friction and checked.needed else 1]:
+    many = 1 + bool(friction and checked.needed) + len(repairs) * bool(seen.failure)
+    for cause in causes[:many]:
         yield f"{'unusual' if checked.agrees else 'cause'}: {cause}"
     yield from _slipping(seen)
     if checked.needed and checked.tried < end:

@@ -248,8 +248,8 @@ SERVO = EXAMPLE[EXAMPLE.index('drive = "servo"') : EXAMPLE.index("\n\n[[frame.pa
 MOTOR = 'drive = "dc_motor"\nsupply = 1\nstall_torque = 1\nno_load_speed = 17'
 # A text in the example robot, the same text with a number in another unit, and the question.
 ASKED = [
-    ("radius = 0.15\n", "radius = 150\n", "shell.radius 150~m 0.15 150~mm"),
-    ("0.06, 0.04]", "60, 40]", "size[1] 60~m 0.06 60~mm 1"),
+    ("radius = 0.15\n", "radius = 150\n", "shell.radius 1.5 150~cm or 0.15 150~mm"),
+    ("0.06, 0.04]", "60, 40]", "size[1] 60~m 0.6 60~cm or 0.06 60~mm frame.part2.size[2]"),
     ("density = 1200", "density = 1.2", "density 1.2~kg/m³ 1200 1.2~g/cm³"),
     ("mass = 0.9", "mass = 5000", "frame.part2.mass 5000~kg 5 5000~g"),
     ("amplitude = 0.3", "amplitude = 30", "angle.amplitude 30~rad 0.5236 30~°"),
@@ -258,11 +258,15 @@ ASKED = [
     (SERVO, MOTOR.replace("supply = 1", "supply = 12"), "frame.supply 12 0.12 12~%"),
     ("mass = 0.35", "mass = 900", "frame.part1.mass 900~kg 0.9 900~g"),
     ("torque_limit = 1.2", "torque_limit = 21", "frame.torque_limit 21~N~m 2.059"),
-    (SERVO, MOTOR.replace("torque = 1", "torque = 21"), "stall_torque 21~N~m 2.059 21~kg"),
+    (
+        SERVO,
+        MOTOR.replace("torque = 1", "torque = 21"),
+        "stall_torque 21~N~m 2.059 21~kg~cm or 0.021 21~mN~m",
+    ),
     (
         SERVO,
         MOTOR.replace("torque = 1", "torque = 60\ngear = 5"),
-        "stall_torque 60~N~m 0.06 60~mN~m",
+        "stall_torque 60~N~m 5.884 60~kg~cm or 0.06 60~mN~m",
     ),
     (SERVO, MOTOR.replace("17", "168"), "no_load_speed 168~rad/s 17.59 168~rpm"),
     (
@@ -270,7 +274,11 @@ ASKED = [
         "axis = [1, 0, 0]\ninitial_angle = 30",
         "initial_angle 30~rad 0.5236",
     ),
-    ("[start]", "[friction]\nrolling = 2\n\n[start]", "friction.rolling 2~m 0.002 2~mm"),
+    (
+        "[start]",
+        "[friction]\nrolling = 2\n\n[start]",
+        "friction.rolling 2~m 0.02 2~cm or 0.002 2~mm",
+    ),
     ("velocity = [0, 0, 0]", "velocity = [0, 360, 0]", "360~rad/s 37.7 360~rpm"),
     (
         SERVO,

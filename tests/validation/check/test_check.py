@@ -3,6 +3,7 @@
 import json
 import re
 import time
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -336,6 +337,46 @@ def test_a_gain_that_diverges_is_named_before_friction(servo: str, tmp_path: Pat
     assert not any(word in line for line in lines[: first + 1] for word in ("friction", "slip"))
     assert record.needed[0][0].name == "gain"
     assert record.mended_error < 1e-3
+
+
+JUMPS = {"free": "<freejoint/>", "damped": '<joint type="free" damping=".05"/>'}
+
+
+@pytest.mark.parametrize("root", JUMPS)
+def test_a_gain_that_makes_the_reference_slip_comes_before_friction(
+    root: str, tmp_path: Path
+) -> None:
+    """A jump to -8 rad/s: 40 N m, which need a friction of 47. Before, the friction came first.
+
+    With a damped free joint only that was named, although the repaired file diverges, too.
+    """
+    path = tmp_path / "robot.xml"
+    servo = '<velocity name="drive" joint="j" kv="5"/>'
+    text = STRUCK.format(step=".002", servo=servo, command=-8)
+    path.write_text(text.replace("<freejoint/>", JUMPS[root]))
+    record = check_model(UserModel(open_robot(path), {}, None), None, 0.5, 1e-3, silent)
+    lines = [*study_of(record, []).record["lines"]]  # type: ignore[index]
+    named = [line.split(": ")[1] for line in lines if line.startswith("cause: ")]
+    assert named == [*["freejoint"] * (root == "damped"), "gain"]
+    assert unnamed("friction t~=~0 drive jumps 40~N~m", " ".join(lines)) == []
+
+
+NEXT = {"marked": (1.5, 5, "! again"), "none": (5, -8, "--accuracy")}
+
+
+@pytest.mark.parametrize("causes", NEXT)
+def test_a_mended_file_that_misses_the_accuracy_gets_a_next_step(
+    causes: str, tmp_path: Path
+) -> None:
+    """The accuracy is set to 0 afterwards. A gain is marked if another change cures it, too."""
+    gain, command, facts = NEXT[causes]
+    path = tmp_path / "robot.xml"
+    servo = f'<velocity name="drive" joint="j" kv="{gain}"/>'
+    path.write_text(STRUCK.format(step=".004", servo=servo, command=command))
+    record = check_model(UserModel(open_robot(path), {}, None), None, 0.2, 1e-3, silent)
+    record = replace(record, observation=replace(record.observation, accuracy=0.0))
+    lines = [*study_of(record, []).record["lines"]]  # type: ignore[index]
+    assert unnamed(facts, next(line for line in lines if line.startswith("mended"))) == []
 
 
 def test_rk4_is_taken_for_a_gain_if_it_needs_fewer_evaluations(tmp_path: Path) -> None:

@@ -102,7 +102,12 @@ class Editable:
     def changed(self, changes: Iterable[Change]) -> str:
         """Return the text of the file with some changes."""
         changes = tuple(changes)
-        text = self.moved if any(change.start for change in changes) else self.text
+        text = self.text
+        for change in changes:
+            if change.start:  # the comment stands above the first tag that changes
+                pairs = enumerate(zip(text, self.moved, strict=False))
+                at = self.moved.rfind("<", 0, next((i for i, (a, b) in pairs if a != b), None))
+                text = self.moved[:at] + _above(self.moved[:at], change) + self.moved[at:]
         if not changes and not self.paired:
             return text
         return _before_end(text, self._block(changes))
@@ -111,7 +116,7 @@ class Editable:
         pair = dict(self.pair)
         contact = []
         for change in changes:
-            if change.option or change.start or change.joint:
+            if change.option or change.joint:
                 yield _comment(change)
             if change.option:
                 yield f"<option{_attributes(change.option)}/>"
@@ -128,6 +133,12 @@ class Editable:
             yield from contact
             yield f"  <pair{_attributes(geoms | pair)}/>"
             yield "</contact>"
+
+
+def _above(before: str, change: Change) -> str:
+    """Return a comment for a tag after some text, on a line of its own if the tag begins one."""
+    indent = before.rpartition("\n")[2]
+    return _comment(change) + ("" if indent.strip() else f"\n{indent}")
 
 
 def _before_end(text: str, lines: Iterable[str]) -> str:
@@ -230,7 +241,8 @@ def _rewritten(robot: RobotFile) -> bytes:
 def _repaired(robot: RobotFile) -> bytes:
     """Return the text of a robot's file with its repairs."""
     text = robot.path.read_bytes()
-    if "inertia" in robot.repairs:
+    if words := robot.repairs.get("inertia"):
+        change = Change("inertia", words)
         old, elements = opened_spec(robot.path)[0].bodies, _elements_of(text)
         bodies = [i for i, it in enumerate(elements) if it.tag in ("worldbody", "body")]
         for element in elements[::-1]:  # an edit shifts the text after it
@@ -241,26 +253,32 @@ def _repaired(robot: RobotFile) -> bytes:
                     kind = min({"diaginertia", "fullinertia"} & {*element.attributes})
                     numbers = _digits([*moments, 0, 0, 0][: 3 if kind == "diaginertia" else 6])
                     text = _edited(text, [(element.at, kind, numbers)]).encode()
+                    text = _commented(text, element.at, change)
     if words := robot.repairs.get("freejoint"):
         elements = _elements_of(text)
         root = [body for body in elements if body.tag == "body" and body.owner >= 0][robot.root - 1]
-        name: Mapping[str, str] = {}
+        name, tag = dict[str, str](), _START_TAG.match(text[root.at :].decode())
+        assert tag is not None
+        above, at = root.at, text.index(b">", root.at + len(tag.group().encode())) + 1
         for joint in elements:
             if joint.tag == "joint" and elements[joint.owner] == root:
                 name = {key: joint.attributes[key] for key in ("name",) if key in joint.attributes}
                 text = _edited(text, [(joint.at, "", "")]).encode()
+                above = at = joint.at
                 break  # the joints below belong to other bodies
-        new = f"<!-- freejoint: {in_comment(words)} --><freejoint{_attributes(name)}/>"
-        tag = _START_TAG.match(text[root.at :].decode())
-        assert tag is not None
-        start = text.index(b">", root.at + len(tag.group().encode())) + 1
-        text = text[:start] + new.encode() + text[start:]
+        text = text[:at] + f"<freejoint{_attributes(name)}/>".encode() + text[at:]
+        text = _commented(text, above, Change("freejoint", words))
     if words := robot.repairs.get("floor"):
         height = f"0 0 {robot.model.geom_pos[robot.plane, 2]:.9g}"
         floor = f'<geom type="plane" size="0 0 1" pos="{height}"/>'
-        comment = f"<!-- floor: {in_comment(words)} -->"
-        text = _before_end(text.decode(), [f"<worldbody>{comment}{floor}</worldbody>"]).encode()
+        lines = [_comment(Change("floor", words)), f"<worldbody>{floor}</worldbody>"]
+        text = _before_end(text.decode(), lines).encode()
     return text
+
+
+def _commented(text: bytes, at: int, change: Change) -> bytes:
+    """Return a text with a comment above the tag at a byte."""
+    return text[:at] + _above(text[:at].decode(), change).encode() + text[at:]
 
 
 def _is_same(robot: RobotFile, names: _Names, text: str, moves: StartShift) -> bool:

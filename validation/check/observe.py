@@ -492,7 +492,7 @@ def _with_possible_inertias(robot: RobotFile) -> RobotFile:
     for body, fault, _, moment in unusual_inertias(robot):
         if moment and spec.bodies[body].explicitinertial:
             spec.bodies[body].inertia, spec.bodies[body].fullinertia[0] = 3 * [moment], np.nan
-            words.append(fault)
+            words.append(f"{fault}, which the mended file has as a placeholder")
     if not words:
         return robot
     repairs = {**robot.repairs, "inertia": "; ".join(words)}

@@ -1,5 +1,6 @@
 """What `check` says: repairs, defaults, numbers that no robot has, rows, pictures, refusals."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,7 +55,7 @@ def test_a_file_that_cannot_roll_does_not_agree_and_its_mended_file_does(
     assert not record.agrees
     assert unnamed(facts, causes_of(record)[0]) == []
     assert "+ " + mistake.split()[0] in rows_of(study_of(record, []))
-    added = [line for line in difference(record) if line.startswith("+") and new in line]
+    added = [line for line in difference(record) if re.match(rf"\+(?!\s*<!--).*{new}", line)]
     assert len(added) == 1
     mended = tmp_path / "mended.xml"
     mended.write_text(record.text)
@@ -64,6 +65,35 @@ def test_a_file_that_cannot_roll_does_not_agree_and_its_mended_file_does(
     theory = record.observation.theory
     away = np.abs(own_loop(mended, theory.times) - theory.contact_point).max()
     assert away < 1e-3 * theory.path_scale
+
+
+WRONG = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1"/>
+  <body name="ball" pos="0 0 .16">
+    {joint}
+    <geom type="sphere" size=".15" mass=".6"/>
+    <body name="plate">
+      <joint name="axle" axis="0 1 0"/>
+      <inertial pos="0 0 -.05" mass=".8" diaginertia="700 700 700"/>
+      <geom type="box" size=".05 .05 .01" pos="0 0 -.05" contype="0" conaffinity="0"/>
+    </body>
+  </body>
+</worldbody><actuator><motor name="drive" joint="axle"/></actuator>
+<keyframe><key ctrl=".1"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize("joint", ["", '<joint type="free" name="root" damping=".1"/>'])
+def test_each_changed_tag_has_its_comment_on_the_line_above(joint: str, tmp_path: Path) -> None:
+    """Before, only the change of the free joint had one, in the line of its body."""
+    lines = checked(tmp_path, WRONG.format(joint=joint)).text.splitlines()
+    body = next(i for i, line in enumerate(lines) if "<body name" in line)
+    free = '    <freejoint name="root"/>' if joint else '  <body name="ball" pos="0 0 0.15"><'
+    assert lines[body] == '  <body name="ball" pos="0 0 0.15">' + "<freejoint/>" * (not joint)
+    for tag, name in (("<body name", "start"), (free, "freejoint"), ("<inertial", "inertia")):
+        at = next(i for i, line in enumerate(lines) if tag in line)
+        indent = lines[at].partition("<")[0]
+        above = [line for line in lines[at - 2 : at] if line.startswith(f"{indent}<!-- {name}: ")]
+        assert len(above) == 1
+    assert unnamed("placeholder", next(line for line in lines if "<!-- inertia" in line)) == []
 
 
 DEFAULTS = """<mujoco><default><default class="ice"><geom friction=".2 .005 .0001" condim="4"

@@ -191,7 +191,8 @@ CASES = {
          "key": '<keyframe><key qvel=".3 0 0 0 2 0 -2 7" ctrl="0"/></keyframe>'}, OFF,
         "touches"),
     # units
-    "millimetres": Case({"radius": "150", "at": "0 0 150"}, REFUSED, "1.5 (150 cm) or 0.15 (150 mm)?"),
+    "millimetres": Case({"radius": "150", "at": "0 0 150"}, REFUSED,
+                    "1.5 (150 cm) or 0.15 (150 mm)?"),
     "millimetres as given": Case({"radius": "150", "at": "0 0 150"}, OFF, "stands still",
                                  ("--as-given",)),
     "grams": Case({"mass": "600"}, REFUSED, "did you mean 0.6 (600 g)?"),

@@ -27,7 +27,15 @@ from robotball.robot.formulas import Rolling
 from robotball.robot.scene import Scene
 from robotball.robot.shapes import shapes_of_geoms
 from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix
-from robotball.user_model.sandbox import COMMENT, check_format, check_loads, in_words, opened_spec
+from robotball.user_model.sandbox import (
+    COMMENT,
+    check_format,
+    check_loads,
+    in_words,
+    opened_spec,
+    principal_moments,
+    tensor,
+)
 
 # The flags that disable forces: those up to clamped controls, and actuation.
 _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
@@ -524,17 +532,10 @@ def _balanced(spec: Any) -> Iterator[str]:
     """Yield bodies with an impossible inertia, which MuJoCo replaces."""
     if spec.compiler.balanceinertia:
         for body in spec.bodies[1:]:
-            full = _tensor(body)
-            parts = np.sort(body.inertia if np.isnan(full[0, 0]) else np.linalg.eigvalsh(full))
+            parts = principal_moments(body)
             if body.explicitinertial and parts[0] + parts[1] < parts[2]:
                 line = f"balanceinertia replaces the impossible inertia with {parts.mean():g} kg m²"
                 yield f"{body.name}: {line} about each axis"
-
-
-def _tensor(body: Any) -> Array:
-    """Return the inertia (3, 3) in a body of a spec; NaN if the body gives only its moments."""
-    xx, yy, zz, xy, xz, yz = body.fullinertia
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
@@ -793,4 +794,4 @@ def _inertial(link: Any, origin: Array, axes: Array) -> Solid:
     if not link.mass > 0:
         raise InputError(f"link {link.name!r}'s inertial has no mass: {link.mass:g} kg")
     turned = axes @ rotation_matrix(link.iquat)
-    return Solid(link.mass, origin + axes @ link.ipos, turned @ _tensor(link) @ turned.T)
+    return Solid(link.mass, origin + axes @ link.ipos, turned @ tensor(link) @ turned.T)

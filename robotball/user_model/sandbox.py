@@ -16,14 +16,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from robotball.errors import InputError
 from robotball.files import MODEL_FILES, contents
+from robotball.rotations import Array
 
 _WAIT = 60.0  # s of real time, on a busy machine
 _MEMORY = 500_000_000  # bytes, in addition to MuJoCo itself
 _SECONDS = 5  # of processor time; a large robot takes 0.1 s
 # How MuJoCo reports that memory ran out.
 _NO_MEMORY = ("Could not allocate memory", "unknown exception")
+_ROUNDING = 1e-6  # relative, of moments in a file
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 _INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
@@ -35,8 +39,6 @@ _COMPILER = re.compile(r"Error: (.*)\nElement name '(.*)', id \d+(?:, line (\d+)
 _REMEDIES = {
     "mass and inertia of moving bodies must be larger than mjMINVAL":
         "a body that moves needs a mass and an inertia: give it a geom or an <inertial>",
-    "inertia must satisfy A + B >= C; use 'balanceinertia' to fix":
-        "impossible inertia: a moment exceeds the sum of the others; a solid ball has 2/5 m r²",
 }  # fmt: skip
 _FAULTS = {
     "MISMATCHED_ELEMENT": "{} is not closed, or is closed by another tag",
@@ -96,7 +98,7 @@ def check_loads(path: Path, how: str = "compiled") -> None:
 def opened_spec(path: Path) -> tuple[Any, list[str]]:
     """Return the MjSpec of a file without meshes and textures that are missing, and their files.
 
-    Raises InputError if a body has mass or contacts from a missing mesh.
+    Raises InputError if a body has an impossible inertia, or mass or contacts from a missing mesh.
     """
     import mujoco
 
@@ -104,6 +106,11 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
     # Otherwise the root of a URDF, which has no joint, would lose its mass to the world.
     spec.compiler.fusestatic = False
     by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    for body in [] if by_geoms or spec.compiler.balanceinertia else spec.bodies[1:]:
+        low, middle, high = principal_moments(body)
+        if body.explicitinertial and low + middle < high * (1 - _ROUNDING):
+            words = f"impossible inertia: {high:g} exceeds {low:g} + {middle:g}"
+            raise InputError(f"{body.info}: {body.name}: {words}; a solid ball has 2/5 m r²")
     missing = []
     for mesh in list(spec.meshes):
         file = Path(mesh.file)
@@ -126,6 +133,18 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
             texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
             missing.append(lost[0])
     return spec, missing
+
+
+def principal_moments(body: Any) -> Array:
+    """Return the principal moments (3,) of a body of a spec, the smallest first."""
+    full = tensor(body)
+    return np.sort(body.inertia if np.isnan(full[0, 0]) else np.linalg.eigvalsh(full))
+
+
+def tensor(body: Any) -> Array:
+    """Return the inertia (3, 3) in a body of a spec; NaN if the body gives only its moments."""
+    xx, yy, zz, xy, xz, yz = body.fullinertia
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _main() -> None:

@@ -338,9 +338,9 @@ REFUSED = {
     "no.stl rock":
         ("<worldbody>", '<asset><mesh name="look" file="no.stl"/></asset><worldbody>'
          '<body name="rock"><geom type="mesh" mesh="look"/></body>'),
-    "line plate impossible~inertia sum":
+    "line plate impossible~inertia 3~exceeds~1~+~1.5":
         ('<joint name="axle"',
-         '<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/><joint name="axle"'),
+         '<inertial pos="0 0 0" mass="1" diaginertia="1 1.5 3"/><joint name="axle"'),
     "line closed~at~the~end": ("</mujoco>", ""),
     "line plate mass <inertial>":
         ('<joint name="axle"', '<inertial pos="0 0 0" mass="0" diaginertia="1 1 1"/>'

@@ -20,7 +20,8 @@ from robotball.robot.drives import Ramp, Rate, Samples, Sine, Sum
 from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array
 
-_REST_COMMENT = "M = 0; ω is not, where frame or rotors turn"
+# At rest means M = 0 in the paper, but ω = 0 to a robot's builder.
+_REST_COMMENT = "  # M = 0; ω is not, where frame or rotors turn"
 # Written even if they have their defaults, because a reader expects a direction and its point.
 _ALWAYS = ("axis", "pivot")
 
@@ -30,10 +31,7 @@ def toml_of(scene: Scene) -> str:
 
     Raises InputError for a rate given as a function of time, links, actuators or a controller.
     """
-    # The momentum is the last key, so the comment is on its line. At rest means M = 0 in the paper,
-    # but ω = 0 to a robot's builder.
-    text = text_of(_scene_table(scene)).rstrip("\n")
-    return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {_REST_COMMENT}\n"
+    return text_of(_scene_table(scene))
 
 
 def _scene_table(scene: Scene) -> tables.SceneTable:
@@ -150,7 +148,8 @@ def _lines(table: tables.Table) -> Iterator[str]:
             for body in value:
                 yield from ("", f"[[{name}]]", *_lines(body))
         else:
-            yield f"{name} = {_value(value)}"
+            comment = _REST_COMMENT * (name == "momentum_world" and not any(value))
+            yield f"{name} = {_value(value)}{comment}"
 
 
 def _value(value: Any) -> str:

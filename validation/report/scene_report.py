@@ -100,6 +100,7 @@ def _scene(group: Sequence[Agreement], film: Path | None, margins: Margins) -> l
             f"{scene.ball.mass:.4g} kg.",
             "faint",
         ),
+        paragraph(_speed_and_tilt(theory)),
         "<h3>Agreement</h3>",
         '<div class="charts"><div>',
         *(paragraph(sentence(run), VERDICTS[run.agrees]) for run in group),
@@ -123,6 +124,14 @@ def _scene(group: Sequence[Agreement], film: Path | None, margins: Margins) -> l
         ),
         folded(f"The scene's file{without}", f"<pre>{escape(file)}</pre>") if file else "",
     ]
+
+
+def _speed_and_tilt(theory: Motion) -> str:
+    steps = np.linalg.norm(np.diff(theory.contact_point, axis=0), axis=1)
+    speeds = [0.0, *(steps / np.diff(theory.times))]  # a motion may end at its first sample
+    tilt = np.degrees(np.arccos(np.clip(theory.gamma[:, 2].min(), -1.0, 1.0)))
+    speed = f"Speed of the ball: at most {max(speeds):.3g} m/s, at the end {speeds[-1]:.3g} m/s. "
+    return f"{speed}The frame tilts by at most {tilt:.3g}°."
 
 
 def sentence(agreement: Agreement) -> str:

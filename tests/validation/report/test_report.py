@@ -82,6 +82,16 @@ def test_a_sentence_has_the_error_and_its_bound_or_the_end_of_the_run(
     assert "<img src=x" not in report([odd], COMMAND)
 
 
+def test_a_page_has_the_speed_of_the_ball_and_the_tilt_of_the_frame() -> None:
+    agreement = compare("fig12", TIMES, settings="fast")
+    theory = agreement.theory
+    step = np.linalg.norm(theory.contact_point[-1] - theory.contact_point[-2])
+    end = step / (theory.times[-1] - theory.times[-2])
+    tilt = np.degrees(np.arccos(theory.gamma[:, 2].min()))
+    page = report([agreement], COMMAND)
+    assert unnamed(f"at~the~end~{end:.3g}~m/s {tilt:.3g}°", page.replace("\u00a0", " ")) == []
+
+
 def test_the_friction_needed_is_shown_beside_the_friction_available() -> None:
     """fig12 needs 1.32 according to the equations; the recipe has 20."""
     agreement = compare("fig12", settings="fast")

@@ -168,3 +168,8 @@ def continuous(attitude: Array) -> Array:
     cosines = (attitude[1:] * attitude[:-1]).sum(axis=1)
     signs = np.cumprod(np.concatenate([[1.0], np.where(cosines < 0, -1.0, 1.0)]))
     return attitude * signs[:, None]
+
+
+def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:
+    """Return a symmetric matrix (3, 3)."""
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

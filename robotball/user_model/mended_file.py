@@ -241,8 +241,7 @@ def _rewritten(robot: RobotFile) -> bytes:
 def _repaired(robot: RobotFile) -> bytes:
     """Return the text of a robot's file with its repairs."""
     text = robot.path.read_bytes()
-    if words := robot.repairs.get("inertia"):
-        change = Change("inertia", words)
+    if "inertia" in robot.repairs:
         old, elements = opened_spec(robot.path)[0].bodies, _elements_of(text)
         bodies = [i for i, it in enumerate(elements) if it.tag in ("worldbody", "body")]
         for element in elements[::-1]:  # an edit shifts the text after it
@@ -253,7 +252,7 @@ def _repaired(robot: RobotFile) -> bytes:
                     kind = min({"diaginertia", "fullinertia"} & {*element.attributes})
                     numbers = _digits([*moments, 0, 0, 0][: 3 if kind == "diaginertia" else 6])
                     text = _edited(text, [(element.at, kind, numbers)]).encode()
-                    text = _commented(text, element.at, change)
+                    text = _commented(text, element.at, Change("inertia", robot.repairs["inertia"]))
     if words := robot.repairs.get("freejoint"):
         elements = _elements_of(text)
         root = [body for body in elements if body.tag == "body" and body.owner >= 0][robot.root - 1]

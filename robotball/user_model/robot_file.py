@@ -26,16 +26,8 @@ from robotball.robot.ball import Link, Shell, Solid, composed
 from robotball.robot.formulas import Rolling
 from robotball.robot.scene import Scene
 from robotball.robot.shapes import shapes_of_geoms
-from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix
-from robotball.user_model.sandbox import (
-    COMMENT,
-    check_format,
-    check_loads,
-    in_words,
-    opened_spec,
-    principal_moments,
-    tensor,
-)
+from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix, symmetric
+from robotball.user_model.sandbox import COMMENT, check_format, check_loads, in_words, opened_spec
 
 # The flags that disable forces: those up to clamped controls, and actuation.
 _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
@@ -329,18 +321,17 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
     check_format(path)
     check_loads(path)
     try:
-        spec, missing = opened_spec(path)
+        spec, notes = opened_spec(path)
         model = spec.compile()
         repairs = dict([*_plane_added(spec, model, shell), *_free_joint_added(spec, model, shell)])
         if repairs:
             model = spec.compile()
-        notes = [f"{file} is missing; left out, because it is only for drawing" for file in missing]
         _check_supported(model)
         sphere = _sphere(model, shell)
         plane = _floor(model, sphere)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {in_words(str(error))}") from None
-    notes += [*_inferred(spec), *_balanced(spec), *_ignored(model, sphere, plane)]
+    notes += [*_inferred(spec), *_ignored(model, sphere, plane)]
     if _root_tag(path) == "robot":
         notes = [f"{words}, because a URDF has none" for words in repairs.values()] + notes
         repairs = {}
@@ -526,16 +517,6 @@ def _inferred(spec: Any) -> Iterator[str]:
         for body in bodies:
             if not body.explicitinertial and any(geom.mass != geom.mass for geom in body.geoms):
                 yield f"{body.name} has no inertial; its mass is computed from its geoms' density"
-
-
-def _balanced(spec: Any) -> Iterator[str]:
-    """Yield bodies with an impossible inertia, which MuJoCo replaces."""
-    if spec.compiler.balanceinertia:
-        for body in spec.bodies[1:]:
-            parts = principal_moments(body)
-            if body.explicitinertial and parts[0] + parts[1] < parts[2]:
-                line = f"balanceinertia replaces the impossible inertia with {parts.mean():g} kg m²"
-                yield f"{body.name}: {line} about each axis"
 
 
 def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
@@ -794,4 +775,6 @@ def _inertial(link: Any, origin: Array, axes: Array) -> Solid:
     if not link.mass > 0:
         raise InputError(f"link {link.name!r}'s inertial has no mass: {link.mass:g} kg")
     turned = axes @ rotation_matrix(link.iquat)
-    return Solid(link.mass, origin + axes @ link.ipos, turned @ tensor(link) @ turned.T)
+    return Solid(
+        link.mass, origin + axes @ link.ipos, turned @ symmetric(*link.fullinertia) @ turned.T
+    )

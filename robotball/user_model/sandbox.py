@@ -20,13 +20,14 @@ import numpy as np
 
 from robotball.errors import InputError
 from robotball.files import MODEL_FILES, contents
-from robotball.rotations import Array
+from robotball.rotations import symmetric
 
 _WAIT = 60.0  # s of real time, on a busy machine
 _MEMORY = 500_000_000  # bytes, in addition to MuJoCo itself
 _SECONDS = 5  # of processor time; a large robot takes 0.1 s
 # How MuJoCo reports that memory ran out.
 _NO_MEMORY = ("Could not allocate memory", "unknown exception")
+_MISSING = "{} is missing and left out; it is only drawn"
 _ROUNDING = 1e-6  # relative, of moments in a file
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
@@ -96,7 +97,7 @@ def check_loads(path: Path, how: str = "compiled") -> None:
 
 
 def opened_spec(path: Path) -> tuple[Any, list[str]]:
-    """Return the MjSpec of a file without meshes and textures that are missing, and their files.
+    """Return the MjSpec of a file without missing meshes and textures, and notes on changes.
 
     Raises InputError if a body has an impossible inertia, or mass or contacts from a missing mesh.
     """
@@ -106,12 +107,17 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
     # Otherwise the root of a URDF, which has no joint, would lose its mass to the world.
     spec.compiler.fusestatic = False
     by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-    for body in [] if by_geoms or spec.compiler.balanceinertia else spec.bodies[1:]:
-        low, middle, high = principal_moments(body)
-        if body.explicitinertial and low + middle < high * (1 - _ROUNDING):
-            words = f"impossible inertia: {high:g} exceeds {low:g} + {middle:g}"
-            raise InputError(f"{body.info}: {body.name}: {words}; a solid ball has 2/5 m r²")
-    missing = []
+    notes = list[str]()
+    for body in [] if by_geoms else spec.bodies[1:]:
+        full = symmetric(*body.fullinertia)
+        moments = np.sort(body.inertia if np.isnan(full[0, 0]) else np.linalg.eigvalsh(full))
+        if body.explicitinertial and moments[:2].sum() < moments[2] * (1 - _ROUNDING):
+            words = "impossible inertia: {2:g} exceeds {1:g} + {0:g}".format(*moments)
+            if not spec.compiler.balanceinertia:
+                message = ": ".join(filter(None, (body.info, body.name, words)))
+                raise InputError(f"{message}; a solid ball has 2/5 m r²")
+            line = f"balanceinertia replaces the impossible inertia with {moments.mean():g} kg m²"
+            notes.append(f"{body.name}: {line} about each axis")
     for mesh in list(spec.meshes):
         file = Path(mesh.file)
         place = path.parent / spec.meshdir / (file.name if spec.strippath else file)
@@ -124,27 +130,15 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
                 raise InputError(f"{place} is missing, but gives {body.name} its mass or contacts")
             spec.delete(geom)
         spec.delete(mesh)
-        missing.append(mesh.file)
+        notes.append(_MISSING.format(mesh.file))
     for texture in spec.textures:
         folder = path.parent / spec.texturedir
         files = filter(None, (texture.file, *texture.cubefiles))
         if lost := [file for file in files if not (folder / file).is_file()]:
             texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
             texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
-            missing.append(lost[0])
-    return spec, missing
-
-
-def principal_moments(body: Any) -> Array:
-    """Return the principal moments (3,) of a body of a spec, the smallest first."""
-    full = tensor(body)
-    return np.sort(body.inertia if np.isnan(full[0, 0]) else np.linalg.eigvalsh(full))
-
-
-def tensor(body: Any) -> Array:
-    """Return the inertia (3, 3) in a body of a spec; NaN if the body gives only its moments."""
-    xx, yy, zz, xy, xz, yz = body.fullinertia
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            notes.append(_MISSING.format(lost[0]))
+    return spec, notes
 
 
 def _main() -> None:

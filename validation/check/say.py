@@ -51,9 +51,8 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     lines = [*notes, *_verdict(checked), *_symptoms(checked)]
     if checked.is_changed:
         error = checked.mended_error
-        todo = "correct the causes marked !, and check again"
-        if not any(row["change"].startswith("!") for row in rows):
-            todo = "accept it with --accuracy, or check a shorter --duration"
+        marked = any(row["change"].startswith("!") for row in rows)
+        todo = "mend what is marked !, and check again" if marked else "try a shorter --duration"
         missed = f", above {seen.accuracy:g}: {todo}" if error > seen.accuracy else ""
         words = f"path error {scientific(error)}{missed}" if np.isfinite(error) else "it diverges"
         lines.append(f"mended: {words}")

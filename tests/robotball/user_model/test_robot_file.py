@@ -338,7 +338,7 @@ REFUSED = {
     "no.stl rock":
         ("<worldbody>", '<asset><mesh name="look" file="no.stl"/></asset><worldbody>'
          '<body name="rock"><geom type="mesh" mesh="look"/></body>'),
-    "line plate impossible~inertia 3~exceeds~1~+~1.5":
+    "line plate impossible~inertia 3~exceeds~1.5~+~1":
         ('<joint name="axle"',
          '<inertial pos="0 0 0" mass="1" diaginertia="1 1.5 3"/><joint name="axle"'),
     "line closed~at~the~end": ("</mujoco>", ""),
@@ -362,6 +362,15 @@ def refusal(change: tuple[str, str], folder: Path) -> str:
 
 
 @pytest.mark.usefixtures("trusted")
+def test_an_impossible_inertia_of_a_urdf_is_refused_with_its_moments(tmp_path: Path) -> None:
+    """MuJoCo gives no line of a URDF."""
+    path = tmp_path / "hull.urdf"
+    path.write_text(HULL.replace('izz=".005"', 'izz=".008"'))
+    with pytest.raises(rb.InputError, match=naming("chassis 0.008~exceeds~0.004~+~0.003")) as error:
+        open_robot(path)
+    assert ": :" not in str(error.value)
+
+
 @pytest.mark.parametrize(("facts", "change"), REFUSED.items())
 def test_robots_that_cannot_be_compared_are_refused_in_one_line(
     facts: str, change: tuple[str, str], tmp_path: Path

@@ -27,7 +27,7 @@ _MEMORY = 500_000_000  # bytes, in addition to MuJoCo itself
 _SECONDS = 5  # of processor time; a large robot takes 0.1 s
 # How MuJoCo reports that memory ran out.
 _NO_MEMORY = ("Could not allocate memory", "unknown exception")
-_MISSING = "{} is missing and left out; it is only drawn"
+_MISSING = "{} is missing; left out, because it is only for drawing"
 _ROUNDING = 1e-6  # relative, of moments in a file
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)

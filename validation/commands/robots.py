@@ -188,7 +188,7 @@ def judge(
     from ..studies.judge import judge_files
 
     ball, names = controlled(scene, control), columns_named(map)
-    return judge_files(ball, files, names, tolerance, json)
+    return judge_files(ball, scene, files, names, tolerance, json)
 
 
 _NEAR_PATH = 1e-3  # of the path's length: how near to it a robot that is steered must come

@@ -30,6 +30,7 @@ from robotball import (
 from robotball.engines import recorded as derivative
 from robotball.engines.equations import scene_of
 from robotball.errors import check_positive
+from robotball.files.trajectories import from_first
 from robotball.fit.sensing import ON_THE_PLANE
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
@@ -302,6 +303,9 @@ def _on_its_clock(scene: Scene, trajectory: Trajectory, tolerance: float) -> Fil
                 name = f"the times are in {unit}" + f" and start at {begin:.10g}" * bool(begin)
                 several = Mistake("time", name, Errors(), Errors(), ()), *judged.mistakes
                 return replace(judged, mistakes=several, corrected=judged.best)
+    if times[0] > duration:
+        times, note = from_first(times)
+        trajectory = replace(trajectory, times=times, notes=(*trajectory.notes, note))
     if times[-1] > _LONGEST * duration:
         raise InputError(
             f"{trajectory.name}: t goes to {times[-1]:g} s, but {scene.name} lasts {duration:g} s; "
@@ -325,16 +329,16 @@ def _judged(scene: Scene, trajectory: Trajectory, tolerance: float) -> FileJudge
     return FileJudgement(trajectory, plain, search, mistakes, corrected, tolerance)
 
 
-def _show(judgement: Judgement, console: Console) -> None:
-    for file in judgement.files:
+def _show(judgement: Judgement, asked: Sequence[str], console: Console) -> None:
+    for file, texts in zip(judgement.files, asked, strict=True):
         console.print(escape(f"{file.name} as a motion of {judgement.scene.name}"), style="bold")
-        for line in lines(file):
+        for line in lines(file, texts):
             console.print(escape(f"  {line}"), soft_wrap=True)
         print_whole(_table(file), console)
 
 
-def lines(judged: FileJudgement) -> list[str]:
-    """Return the report on a file, one line per fact."""
+def lines(judged: FileJudgement, asked: str = "") -> list[str]:
+    """Return the report on a file, one line per fact; asked: the scene and file as given."""
     plain, best = judged.plain, judged.best
     report = [*judged.trajectory.notes, _errors(plain), *_contact(plain)]
     if np.isnan(plain.attitude_error):
@@ -347,6 +351,9 @@ def lines(judged: FileJudgement) -> list[str]:
                 f"the {name} has a motor, but the file has no column {name}_rate or "
                 f"{name}_angle: {unknown} stay unknown"
             )
+    for hinge, angles in zip(plain.motion.scene.hinges, plain.motion.hinge_angles.T, strict=True):
+        if np.isnan(angles).any() and not judged.within:
+            report.append(f"no column {hinge.name}_angle: no missing physics can be named")
     report += [
         f"the {name}'s rate has a relative error of {error:.1e}: about {factor:.3g} times the "
         "expected rate"
@@ -365,8 +372,8 @@ def lines(judged: FileJudgement) -> list[str]:
             report.append(f"the momentum shows the mistake: {balance}")
     if judged.corrected is not None:
         report += [f"without the mistake: {line}" for line in (_errors(best), *_contact(best))]
-    if not judged.within and all("friction." in mistake.name for mistake in judged.mistakes):
-        fit = f"robotball fit {plain.theory.scene.name} {judged.name} --free NUMBER"
+    if not (judged.within or judged.mistakes):
+        fit = f"robotball fit {asked or f'{plain.theory.scene.name} {judged.name}'} --free NUMBER"
         report.append(f"to see whether other numbers of the scene explain the file: {fit}")
     return [*report, _verdict(judged)]
 
@@ -482,6 +489,7 @@ def _measures(comparison: _Comparison) -> dict[str, Any]:
 
 def judge_files(
     scene: Scene,
+    scene_text: str,
     files: Sequence[Path],
     names: Mapping[str, str],
     tolerance: float,
@@ -489,7 +497,7 @@ def judge_files(
 ) -> int:
     """Judge trajectory files of a scene, show and write the judgement; return the exit status.
 
-    names: as in `read_trajectory`.
+    scene_text: the scene as given; names: as in `read_trajectory`.
     """
     if not files:
         raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")
@@ -502,5 +510,5 @@ def judge_files(
             progress=lambda part: bar(part, f"{scene.name}: judging"),
         )
     write_record(json, _record(judgement))
-    _show(judgement, Console())
+    _show(judgement, [f"{scene_text} {file}" for file in files], Console())
     return AGREES if judgement.agrees else DISAGREES

@@ -468,6 +468,42 @@ def test_a_file_far_longer_than_the_scene_is_refused_with_the_unit() -> None:
         judge(FIG12, replace(file, times=2.2e3 * file.times))
 
 
+def test_a_file_that_begins_after_the_scene_is_judged_from_its_first_row() -> None:
+    """Even if no mistake explains it; a note says so. The errors are those of the file at t = 0."""
+    scene = replace(FIG12, duration=END)
+    file = exact(replace(scene, start=replace(scene.start, momentum=1.2 * scene.start.momentum)))
+    late = judged(scene, replace(file, times=file.times + 8371.923))
+    assert any(not unnamed("t first~row 8371.923~s", note) for note in late.trajectory.notes)
+    expected = judged(scene, file).plain.path_error
+    assert late.plain.path_error == pytest.approx(expected, rel=1e-6)  # measured 1e-10
+
+
+@pytest.mark.parametrize("column", ["frame_rate", "frame_torque"])
+def test_missing_angles_of_a_hinge_with_a_motor_are_named(column: str) -> None:
+    """Without them no missing physics is found, even if the rates are known."""
+    scene = rb.load_scene("pendulum_robot")
+    motion = rb.integrate(replace(scene, friction=Friction(rolling=0.01)), np.linspace(0, 2, 101))
+    file = bare(motion, **{column: motion.hinge_rates[:, 0]})
+    assert any(not unnamed("frame_angle physics", line) for line in lines(judged(scene, file)))
+
+
+def test_judge_proposes_a_fit_of_the_given_paths_if_no_cause_is_named(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """A ball that resists rolling is named with its angles; without them the paths are printed."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "robot.toml").write_text(rb.scene_toml(rb.load_scene("pendulum_robot")))
+    scene = replace(rb.load_scene("pendulum_robot"), friction=Friction(rolling=0.003))
+    motion = rb.integrate(scene, np.linspace(0, 4, 101))
+    table = np.column_stack([motion.times, motion.contact_point, motion.attitude])
+    for columns, title in ((table, ""), (np.hstack([table, motion.hinge_angles]), ",frame_angle")):
+        header = f"t,x,y,qw,qx,qy,qz{title}"
+        np.savetxt(tmp_path / "in" / "a.csv", columns, delimiter=",", header=header, comments="")
+        _, out, _ = robotball("judge", "in/robot.toml", "in/a.csv")
+        assert ("robotball fit in/robot.toml in/a.csv" in out) == (not title)
+        assert ("WRONG" in out) == bool(title)
+
+
 def test_a_file_of_another_scene_is_reported(tmp_path: Path) -> None:
     """The file's header names its scene."""
     rb.integrate(rb.load_scene("fig13"), np.linspace(0, 1, 51)).save(tmp_path / "a.csv")

@@ -368,6 +368,9 @@ def recognized(table: Table, more: dict[str, Units], names: Mapping[str, str]) -
     rest = table.columns.keys() - titles.values()
     others = {t: read_only(column) for t, column in table.columns.items() if t in rest}
     notes = [] if "t" not in columns else _timed(columns, units)
+    quaternion = [titles[name] for name in ("qw", "qx", "qy", "qz") if found.get(name, [0])[0]]
+    if any(title.endswith("0") for title in quaternion):
+        notes.append(f"{', '.join(quaternion)}: read as qw, qx, qy, qz")
     notes = [*_made_si(columns, units, known), *notes, *_attitude_of_angles(columns, units)]
     if "t" in columns and columns["t"][0] >= _EPOCH[0]:
         columns["t"], note = from_first(columns["t"])

@@ -319,15 +319,21 @@ def reason(residuals: Residuals, x: Array, J: Array, stray: SensorFit) -> str:
             end = least_squares(
                 wider, begin, wider.jacobian, (low, np.inf), ftol=_GAIN, max_nfev=_TRIALS
             )
-        if (after := 2 * float(end.cost)) - count < _REMAINS * (before - count):
-            shown = ", ".join(f"{value:.2g}" for value in wider.values(end.x)[len(x) :].tolist())
-            falls = f"χ²/n falls from {before / count:.3g} to {after / count:.3g}"
-            return f"{title.format(shown)}; with it {falls}"
+        shown = ", ".join(f"{value:.2g}" for value in wider.values(end.x)[len(x) :].tolist())
+        if found := explained(title.format(shown), before, 2 * float(end.cost), count):
+            return found
     world = ", try --also world.origin,world.yaw" if stray.name == "position" else ""
     return (
         "not found: no resistance, rest position or clock explains the logs; check the unit and "
         f"axes of {stray.name}{world}, and free more numbers"
     )
+
+
+def explained(title: str, before: float, after: float, count: int) -> str:
+    """Return a reason with the fall of χ² of `count` readings, if it explains them; else ""."""
+    if after - count < _REMAINS * (before - count):
+        return f"{title}; with it χ²/n falls from {before / count:.3g} to {after / count:.3g}"
+    return ""
 
 
 def _candidates(residuals: Residuals) -> Iterator[tuple[str, list[Unknown], Change | None, float]]:

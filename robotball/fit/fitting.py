@@ -19,7 +19,7 @@ from robotball.files.scene_tables import Numbers
 from robotball.fit import evidence
 from robotball.fit.evidence import NO_EVIDENCE, Estimate, SensorFit, chi2_of
 from robotball.fit.first import first_values
-from robotball.fit.logs import Log, logs_of
+from robotball.fit.logs import Log, logs_of, reordered
 from robotball.fit.residuals import (
     WHOLE,
     FittedLog,
@@ -195,7 +195,8 @@ def fit(
     shared = of_scene(numbers, free, initial.ball.radius)
     deadline = time.monotonic() + patience
     solve = partial(_solved, numbers, circumstances=circumstances, deadline=deadline)
-    sensed = [first_values(initial, log, noise or {}, circumstances) for log in logs]
+    first = partial(first_values, initial, noise=noise or {}, freed=circumstances)
+    sensed = [first(log) for log in logs]
     fitted = [log for k, log in enumerate(sensed) if k != hold_out]
     if not fitted:
         raise InputError("all logs are held out: add a log to fit")
@@ -229,7 +230,8 @@ def fit(
     if strays and not contradictions:
         residuals.deadline = deadline
         with suppress(TimeoutError):
-            reason = evidence.reason(residuals, x, J, strays[0])
+            reason = _of_order(residuals, chi2, first, partial(solve, shared))
+            reason = reason or evidence.reason(residuals, x, J, strays[0])
         residuals.deadline = np.inf
     return Fit(
         scene=fitted_scene,
@@ -250,6 +252,29 @@ def fit(
         moving=() if complete else tuple(evidence.moving(residuals, x, J)),
         complete=complete,
     )
+
+
+def _of_order(
+    residuals: Residuals,
+    chi2: float,
+    first: Callable[[Log], FittedLog],
+    solve: Callable[[Sequence[FittedLog]], tuple[Array, Residuals, Array, bool]],
+) -> str:
+    """Return the order x, y, z, w of the quaternions as a reason, if it explains the logs; else "".
+
+    It is fitted only if the first part of the logs fits it better from the first values.
+    """
+    logs, chi2s = [first(reordered(fitted.log)) for fitted in residuals.logs], list[float]()
+    for order in (logs, residuals.logs):
+        starts = [start for k, fitted in enumerate(order) for start in of_log(fitted, k, ())]
+        part = Residuals(residuals.numbers, starts, [log.until(_PARTS[1]) for log in order], {})
+        chi2s.append(chi2_of(part(np.zeros(len(starts)))))
+    if chi2s[0] < chi2s[1]:
+        with suppress(InputError):
+            x, others, *_ = solve(logs)
+            title = "the quaternion's order is x, y, z, w: name its columns with --map"
+            return evidence.explained(title, chi2, chi2_of(others(x)), len(others(x)))
+    return ""
 
 
 def _solved(

@@ -6,7 +6,7 @@ start with the hinge's name: "frame_angle", "frame_rate", "frame_torque", "frame
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -167,6 +167,15 @@ def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -
     return [log if isinstance(log, Log) else read_log(log, scene) for log in several]
 
 
+def reordered(log: Log) -> Log:
+    """Return a log whose quaternions are read in the order x, y, z, w."""
+    sensors = (
+        replace(s, values=np.roll(s.values, s.name.endswith("attitude"), axis=1))
+        for s in log.sensors
+    )
+    return replace(log, sensors=tuple(sensors))
+
+
 def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> Log:
     columns_of = _columns_of(scene)
     motors = {hinge.name: hinge.motor is not None for hinge in scene.hinges}
@@ -177,7 +186,11 @@ def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> 
     found = recognized(table, units, names)
     columns, notes = found.columns, found.notes
     if "t" not in columns:
-        raise InputError(f"no column of times; the file has {', '.join(table.columns)}")
+        title, *_ = table.columns
+        raise InputError(
+            f"no column of times; the file has {', '.join(table.columns)}: name it with --map "
+            f"'{title}=t [ms]'"
+        )
     times = columns["t"]
     for sensor, needed in columns_of.items():
         if (kind := sensor.rpartition("_")[2]) in _MOST and all(c in columns for c in needed):

@@ -786,6 +786,17 @@ def test_a_missing_resistance_and_strange_positions_are_reasons(tmp_path: Path) 
     assert unnamed("position unit --also world.origin,world.yaw", reason) == []
 
 
+def test_the_order_of_the_quaternion_is_a_reason() -> None:
+    """A log without a gyro, whose quaternions are in the order x, y, z, w."""
+    position, attitude, _ = log(of=rb.integrate("pendulum_robot", SHORT)).sensors
+    wrong = replace(attitude, values=np.roll(attitude.values, -1, axis=1))
+    made = rb.Log("run.csv", (position, wrong), {})
+    reason = rb.fit(
+        "pendulum_robot", made, ["battery.mass"], noise={"position": 1e-3, "attitude": 1e-2}
+    ).reason
+    assert unnamed("quaternion's~order x,~y,~z,~w --map", reason) == []
+
+
 @pytest.mark.parametrize("patience", [0.0, 5.0])
 def test_a_fit_out_of_time_says_what_is_still_moving(
     patience: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -86,6 +86,20 @@ def test_roll_pitch_and_yaw_are_an_attitude(tmp_path: Path) -> None:
         assert unnamed(facts, " ".join(log.notes)) == []
 
 
+def test_a_log_without_known_times_names_the_map_of_its_first_column(tmp_path: Path) -> None:
+    """As it can be copied into the command."""
+    with pytest.raises(rb.InputError, match=naming("zeit --map~'zeit=t~[ms]'")):
+        log_of(tmp_path, "zeit,x,y", MOTION.times, MOTION.contact_point)
+
+
+def test_the_order_of_numbered_quaternion_columns_is_noted(tmp_path: Path) -> None:
+    """The numbers do not tell whether w is the first or the last."""
+    columns = MOTION.times, MOTION.attitude
+    log = log_of(tmp_path, "t,quat_0,quat_1,quat_2,quat_3", *columns)
+    assert untold(["quat_0,~quat_1,~quat_2,~quat_3 qw,~qx,~qy,~qz"], log.notes) == []
+    assert log_of(tmp_path, "t,qw,qx,qy,qz", *columns).notes == ()
+
+
 def test_units_are_found_or_asked_for_by_size(tmp_path: Path) -> None:
     """Accelerations in g are converted; raw counts and large rates are refused."""
     still = np.tile([0.01, 0.02, 1.0], (len(MOTION.times), 1))

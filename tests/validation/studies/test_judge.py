@@ -483,7 +483,7 @@ def test_missing_angles_of_a_hinge_with_a_motor_are_named(column: str) -> None:
     """Without them no missing physics is found, even if the rates are known."""
     scene = rb.load_scene("pendulum_robot")
     motion = rb.integrate(replace(scene, friction=Friction(rolling=0.01)), np.linspace(0, 2, 101))
-    file = bare(motion, **{column: motion.hinge_rates[:, 0]})
+    file = replace(bare(motion), others={column: motion.hinge_rates[:, 0]})
     assert any(not unnamed("frame_angle physics", line) for line in lines(judged(scene, file)))
 
 

@@ -230,13 +230,14 @@ def moving(residuals: Residuals, x: Array, J: Array) -> Iterator[str]:
             )
 
 
-def at_limits(residuals: Residuals, x: Array) -> Iterator[str]:
+def at_limits(residuals: Residuals, x: Array, explains: bool) -> Iterator[str]:
     """Yield a line for each number of the scene that ended at one of its limits."""
+    means = ", and the model explains the log" if explains else ": a value beyond fits better"
     for unknown in residuals.ended(residuals.values(x)):
         for limit in (unknown.low, unknown.high):
             if unknown.log is None and abs(unknown.value - limit) < _AT_LIMIT * unknown.size:
                 shown = limit if abs(limit) > _AT_LIMIT * unknown.size else 0.0
-                yield f"{unknown.name} ended at its limit {shown:.3g}: a value beyond fits better"
+                yield f"{unknown.name} ended at its limit {shown:.3g}{means}"
 
 
 def influences(

@@ -66,7 +66,8 @@ class Fit(Value):
     chi2, degrees : float, int
         The sum of squared residuals over the noise, and the degrees of freedom.
     probability : float
-        The probability of a sum at least as large, if the model is right.
+        The probability of a sum at least as large, if the model is right. A noise that is estimated
+        from the readings makes the distribution wider.
     sensors : tuple of SensorFit
         Each sensor of each fitted log.
     held_out : tuple of SensorFit
@@ -246,7 +247,7 @@ def fit(
         held_out=tuple(held_out),
         undetermined=tuple(undetermined),
         contradictions=contradictions,
-        at_limits=tuple(evidence.at_limits(residuals, x)),
+        at_limits=tuple(evidence.at_limits(residuals, x, not strays)),
         reason=reason,
         influences=() if strays else tuple(evidence.influences(residuals, x, J, found)),
         moving=() if complete else tuple(evidence.moving(residuals, x, J)),

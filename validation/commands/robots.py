@@ -128,8 +128,8 @@ def fit(
     scene and a page. docs/fitting.md describes the columns of a log, and which motion reveals which
     number.
 
-    Exit status: 0 if the model explains the logs; 1 if it does not, if the logs do not constrain
-    the numbers, or if a number ends at its limit; 2 if the scene or a log cannot be used.
+    Exit status: 0 if the model explains the logs; 1 if it does not, or if the logs do not constrain
+    the numbers; 2 if the scene or a log cannot be used.
 
     Example: robotball fit pendulum_robot run.csv --free battery.mass,frame.kv
 
@@ -151,11 +151,13 @@ def fit(
         Fit all logs, and hold none out.
     """
     from ..output import columns_named
+    from ..results import changed
     from ..studies.fitting import fit_logs
 
+    words = changed(fit, free=free, also=also, noise=noise, patience=patience, all=all)
     return fit_logs(
         scene, logs, free, also=also, noise=noise, names=columns_named(map),
-        patience=patience, hold_out=not all, out=out, json=json,
+        patience=patience, hold_out=not all, words=words, out=out, json=json,
     )  # fmt: skip
 
 

@@ -6,13 +6,14 @@ The result is printed, and written as a scene file, as a page with the residuals
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from rich.columns import Columns
 from rich.console import Console
 
 from robotball import InputError
-from robotball.fit.evidence import Estimate, SensorFit
+from robotball.fit.evidence import Estimate, SensorFit, strays
 from robotball.fit.fitting import Fit as Fitted
 from robotball.fit.fitting import fit
 from robotball.fit.logs import read_log
@@ -35,10 +36,12 @@ from ..output import (
 )
 from ..report import VERDICTS, page, paragraph, plot, table, text
 from ..report.chart import Line, chart, legend
+from ..results import file_name
 
 _STRONG = 0.9  # smallest correlation to report
 _GAP = 3.0  # median intervals: a longer one is a gap
 _FAR, _BARS = 4.5, 18  # noises, range of the histogram, and its bars
+_LONGEST_NAME = 100  # characters; a longer file name ends with a checksum
 _COLOURS = [colour for colour, _, _ in PRESET_LOOKS.values()]
 
 
@@ -53,6 +56,13 @@ def lines(fitted: Fitted) -> Iterator[str]:
         )
     elif fitted.explains:
         yield f"the model explains the logs: {chi2}, probability {probability:.2g}"
+    elif not strays(fitted.sensors):
+        logs = ", ".join(dict.fromkeys(sensor.log for sensor in fitted.sensors))
+        weighed = np.concatenate([(s.residuals / s.noise).ravel() for s in fitted.held_out])
+        yield (
+            f"the model explains {logs}: {chi2}; it does not explain the held-out log "
+            f"{fitted.held_out[0].log}: χ²/n = {(weighed**2).mean():.4g}"
+        )
     else:
         yield f"the model does not explain the logs, so errors may exceed the ± shown: {chi2}"
     if not fitted.complete:
@@ -193,10 +203,14 @@ def fit_logs(
     names: Mapping[str, str],
     patience: float,
     hold_out: bool,
+    words: Sequence[str],
     out: Path,
     json: Path | None,
 ) -> int:
-    """Fit a scene's numbers to logs, present and write the result; return the exit status."""
+    """Fit a scene's numbers to logs, present and write the result; return the exit status.
+
+    words: the options that are part of the files' names.
+    """
     if not paths:
         raise InputError("fit needs a log: a table of t and sensor readings")
     numbers = numbers_of(scene_name)
@@ -224,13 +238,15 @@ def fit_logs(
     for headings, rows in (estimates, (_SENSORS, _sensor_rows(fitted))):
         print_whole(plain_table(headings, rows=rows), console)
     print(*lines(fitted), sep="\n")
-    scene_file, page_file = (out / f"fit-{scene.name}{end}" for end in (numbers.suffix, ".html"))
+    name = file_name(f"fit-{scene.name}", None, [*(path.stem for path in paths), *words])
+    if len(name) > _LONGEST_NAME:
+        name = f"{name[:_LONGEST_NAME]}-{crc32(name.encode(errors='replace')):08x}"
+    scene_file, page_file = (out / f"{name}{end}" for end in (numbers.suffix, ".html"))
     write_text(scene_file, fitted.text)
     write_text(page_file, _fit_page(scene.name, fitted))
     write_record(json, _record(scene.name, fitted))
     print(scene_file, page_file, sep="\n")
-    agrees = fitted.explains and _constrained(fitted) and not fitted.at_limits
-    return AGREES if agrees else DISAGREES
+    return AGREES if fitted.explains and _constrained(fitted) else DISAGREES
 
 
 def _noise_of(texts: Sequence[str]) -> dict[str, float]:

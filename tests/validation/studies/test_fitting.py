@@ -22,7 +22,10 @@ def written(run: rb.Log, path: Path) -> None:
 
 
 def test_a_fit_writes_a_scene_a_page_and_a_record(robotball: Robotball, tmp_path: Path) -> None:
-    """They have the fitted numbers; the keys of the record are those of docs/json.md."""
+    """They have the fitted numbers, and the log and the options in their names.
+
+    The keys of the record are those of docs/json.md.
+    """
     written(log(), tmp_path / "run.csv")
     options = ("--free", "battery.mass,kv", "--noise", "position=1e-3,attitude=1e-2,gyro=2e-2")
     status, out, _ = robotball("fit", "pendulum_robot", "run.csv", *options, "--json", "a.json")
@@ -32,9 +35,10 @@ def test_a_fit_writes_a_scene_a_page_and_a_record(robotball: Robotball, tmp_path
     assert misfits("fit", record) == set()
     mass, kv = record["numbers"]
     assert (mass["name"], kv["name"]) == ("frame.part.battery.mass", "frame.kv")
-    fitted = rb.load_scene(tmp_path / "out" / "fit-pendulum_robot.toml")
+    name = "fit-pendulum_robot-run-battery.mass-kv-position-1e-3-attitude-1e-2-gyro-2e-2"
+    fitted = rb.load_scene(tmp_path / "out" / f"{name}.toml")
     assert fitted.hinges[0].motor.gain == kv["value"]  # type: ignore[union-attr]
-    page = (tmp_path / "out" / "fit-pendulum_robot.html").read_text()
+    page = (tmp_path / "out" / f"{name}.html").read_text()
     assert "χ²" in page
     assert page.count("histogram of the residuals") == 3
     assert page.count("readings over the model") == 2  # not of the attitude
@@ -53,7 +57,9 @@ def test_a_log_that_constrains_no_number_gives_status_1(
 
 
 @pytest.mark.slow
-def test_a_number_at_its_limit_gives_status_1(robotball: Robotball, tmp_path: Path) -> None:
+def test_a_number_at_its_limit_that_explains_the_log_gives_status_0(
+    robotball: Robotball, tmp_path: Path
+) -> None:
     """With this noise, the limit of 0.399 explains a log with a gain of 0.4."""
     written(log(), tmp_path / "run.csv")
     options = ("--free", "kv=0.39:0.399", "--noise", "position=1e-2,attitude=1e-1,gyro=2e-1")
@@ -62,7 +68,28 @@ def test_a_number_at_its_limit_gives_status_1(robotball: Robotball, tmp_path: Pa
     assert "the model explains the logs" in out
     (line,) = json.loads((tmp_path / "a.json").read_text())["at_limits"]
     assert line in out
+    assert unnamed("kv limit 0.399 explains", line) == []
+    assert status == 0
+
+
+def test_a_held_out_log_that_fails_is_told_from_the_fitted_one(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """With its χ²/n; long names of files end with a checksum."""
+    runs: dict[str, str | Path] = {
+        "a": "pendulum_robot",
+        "h" * 120: off(tmp_path, battery__mass=1.3),
+    }
+    for name, scene in runs.items():
+        written(log(of=rb.integrate(scene, rb.sample_times(2.0))), tmp_path / f"{name}.csv")
+    logs = [f"{name}.csv" for name in runs]
+    options = ("--free", "kv", "--noise", "position=1e-3,attitude=1e-2,gyro=2e-2")
+    status, out, _ = robotball("fit", "pendulum_robot", *logs, *options)
     assert status == 1
+    (verdict,) = (line for line in out.splitlines() if "degrees of freedom" in line)
+    assert unnamed(f"explains a.csv held-out {logs[1]} χ²/n", verdict) == []
+    assert float(verdict.rpartition(" = ")[2]) > 3  # measured 11.3, from a mass that is 30 % off
+    assert len(max(path.stem for path in (tmp_path / "out").iterdir())) < 120
 
 
 @pytest.mark.parametrize(

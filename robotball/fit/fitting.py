@@ -34,6 +34,8 @@ from robotball.robot.ball import Value
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
+_Solve = Callable[[Sequence[FittedLog]], tuple[Array, Residuals, Array, bool]]
+
 _PARTS = (0.15, 0.4, 1.0)  # of the logs, fitted one after the other
 _PRIOR = 1.0  # of an unknown's size: its deviation, without evidence, while fitting part of a log
 _HARDLY = 1e-2  # per size: weak prior for unknowns of a start that have no effect
@@ -219,19 +221,15 @@ def fit(
     of_scene_ = np.array([unknown.log is None for unknown in residuals.unknowns])
     felt = of_scene_ | (np.linalg.norm(J, axis=0) > 0)
     chi2, degrees = chi2_of(left), max(len(left) - int(felt.sum()), 1)
-    probability = partial(
-        evidence.probability_of,
-        degrees=degrees,
-        count=len(left),
-        estimated=any(flag for log in fitted for flag in log.estimated),
-    )
+    estimated = any(flag for log in fitted for flag in log.estimated)
     strays = evidence.strays(sensors)
     contradictions = tuple(evidence.contradicting(logs, evidence.strays([*sensors, *held_out])))
     reason = contradictions[0] if strays and contradictions else ""
     if strays and not contradictions:
         residuals.deadline = deadline
         with suppress(TimeoutError):
-            reason = _of_order(residuals, chi2, first, partial(solve, shared))
+            swapped = [first(reordered(log.log)) for log in fitted]
+            reason = _of_order(residuals, chi2, swapped, partial(solve, shared))
             reason = reason or evidence.reason(residuals, x, J, strays[0])
         residuals.deadline = np.inf
     return Fit(
@@ -242,7 +240,7 @@ def fit(
         correlations=block / np.outer(scale, scale),
         chi2=chi2,
         degrees=degrees,
-        probability=probability(chi2),
+        probability=evidence.probability_of(chi2, degrees, len(left), estimated),
         sensors=tuple(sensors),
         held_out=tuple(held_out),
         undetermined=tuple(undetermined),
@@ -255,27 +253,21 @@ def fit(
     )
 
 
-def _of_order(
-    residuals: Residuals,
-    chi2: float,
-    first: Callable[[Log], FittedLog],
-    solve: Callable[[Sequence[FittedLog]], tuple[Array, Residuals, Array, bool]],
-) -> str:
-    """Return the order x, y, z, w of the quaternions as a reason, if it explains the logs; else "".
+def _of_order(residuals: Residuals, chi2: float, logs: Sequence[FittedLog], solve: _Solve) -> str:
+    """Return that `logs`, with quaternions in the order x, y, z, w, are explained; else "".
 
-    It is fitted only if the first part of the logs fits it better from the first values.
+    They are fitted only if they are nearer to the motions from the first values.
     """
-    logs, chi2s = [first(reordered(fitted.log)) for fitted in residuals.logs], list[float]()
+    chi2s = []
     for order in (logs, residuals.logs):
-        starts = [start for k, fitted in enumerate(order) for start in of_log(fitted, k, ())]
-        part = Residuals(residuals.numbers, starts, [log.until(_PARTS[1]) for log in order], {})
-        chi2s.append(chi2_of(part(np.zeros(len(starts)))))
-    if chi2s[0] < chi2s[1]:
-        with suppress(InputError):
-            x, others, *_ = solve(logs)
-            title = "the quaternion's order is x, y, z, w: name its columns with --map"
-            return evidence.explained(title, chi2, chi2_of(others(x)), len(others(x)))
-    return ""
+        starts = [start for k, log in enumerate(order) for start in of_log(log, k, ())]
+        left = Residuals(residuals.numbers, starts, order, {})(np.zeros(len(starts)))
+        chi2s.append(chi2_of(left))
+    if not chi2s[0] < chi2s[1]:
+        return ""
+    x, others, *_ = solve(logs)
+    title = "the quaternion's order is x, y, z, w: name its columns with --map"
+    return evidence.explained(title, chi2, chi2_of(others(x)), len(others(x)))
 
 
 def _solved(

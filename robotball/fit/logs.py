@@ -169,11 +169,10 @@ def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -
 
 def reordered(log: Log) -> Log:
     """Return a log whose quaternions are read in the order x, y, z, w."""
-    sensors = (
-        replace(s, values=np.roll(s.values, s.name.endswith("attitude"), axis=1))
-        for s in log.sensors
-    )
-    return replace(log, sensors=tuple(sensors))
+    turns = [sensor.name.endswith("attitude") for sensor in log.sensors]
+    pairs = zip(log.sensors, turns, strict=True)
+    rolled = (replace(sensor, values=np.roll(sensor.values, by, axis=1)) for sensor, by in pairs)
+    return replace(log, sensors=tuple(rolled))
 
 
 def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> Log:
@@ -186,11 +185,9 @@ def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> 
     found = recognized(table, units, names)
     columns, notes = found.columns, found.notes
     if "t" not in columns:
-        title, *_ = table.columns
-        raise InputError(
-            f"no column of times; the file has {', '.join(table.columns)}: name it with --map "
-            f"'{title}=t [ms]'"
-        )
+        titles = [*table.columns]
+        remedy = f"name it with --map '{titles[0]}=t [ms]'"
+        raise InputError(f"no column of times; the file has {', '.join(titles)}: {remedy}")
     times = columns["t"]
     for sensor, needed in columns_of.items():
         if (kind := sensor.rpartition("_")[2]) in _MOST and all(c in columns for c in needed):

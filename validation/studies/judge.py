@@ -344,16 +344,15 @@ def lines(judged: FileJudgement, asked: str = "") -> list[str]:
     if np.isnan(plain.attitude_error):
         unknown = "attitude, momentum, slip and spin are unknown, and mistakes that only they show"
         report.append(f"the file has no attitude qw,qx,qy,qz: {unknown}")
-    for name in (hinge.name for hinge in plain.motion.scene.hinges):
-        if name not in plain.hinge_rates:
+    for hinge, angles in zip(plain.motion.scene.hinges, plain.motion.hinge_angles.T, strict=True):
+        if (name := hinge.name) not in plain.hinge_rates:
             unknown = "momentum, slip and spin" if name == "frame" else "momentum"
             report.append(
                 f"the {name} has a motor, but the file has no column {name}_rate or "
                 f"{name}_angle: {unknown} stay unknown"
             )
-    for hinge, angles in zip(plain.motion.scene.hinges, plain.motion.hinge_angles.T, strict=True):
         if np.isnan(angles).any() and not judged.within:
-            report.append(f"no column {hinge.name}_angle: no missing physics can be named")
+            report.append(f"no column {name}_angle: no missing physics can be named")
     report += [
         f"the {name}'s rate has a relative error of {error:.1e}: about {factor:.3g} times the "
         "expected rate"
@@ -384,11 +383,7 @@ def _errors(comparison: _Comparison) -> str:
     if error is not None and known_to:
         momentum += f" (known to {known_to:.0e})"
     path, attitude = f"path error {comparison.path_error:.1e}", comparison.attitude_error
-    return path + (
-        ""
-        if attitude is None
-        else f", attitude error {attitude:.1e} rad, momentum error {momentum}"
-    )
+    return f"{path}, attitude error {attitude:.1e} rad, momentum error {momentum}"
 
 
 def _contact(comparison: _Comparison) -> list[str]:
@@ -429,11 +424,8 @@ def _verdict(judged: FileJudgement) -> str:
         return f"verdict: {perhaps}{cause or 'a wrong convention or scene'}, {part}"
     height = "" if judged.plain.height_error is None else ", height"
     limit = f"{judged.tolerance:g}"
-    rest = (
-        ""
-        if np.isnan(judged.plain.attitude_error)
-        else f" and momentum, and {limit} rad in attitude"
-    )
+    rest = f" and momentum, and {limit} rad in attitude"
+    rest *= not np.isnan(judged.plain.attitude_error)
     bound = f"within {limit} in path{height}{rest}, {part}"
     if judged.within and judged.too_short:
         return f"verdict: too short to judge, below {_ENOUGH:.0%} of the scene; {bound}"

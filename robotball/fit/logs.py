@@ -185,9 +185,10 @@ def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> 
     found = recognized(table, units, names)
     columns, notes = found.columns, found.notes
     if "t" not in columns:
-        titles = [*table.columns]
-        remedy = f"name it with --map '{titles[0]}=t [ms]'"
-        raise InputError(f"no column of times; the file has {', '.join(titles)}: {remedy}")
+        there, title = ", ".join(table.columns), next(iter(found.others), "TITLE")
+        raise InputError(
+            f"no column of times; the file has {there}: name it with --map '{title}=t [ms]'"
+        )
     times = columns["t"]
     for sensor, needed in columns_of.items():
         if (kind := sensor.rpartition("_")[2]) in _MOST and all(c in columns for c in needed):

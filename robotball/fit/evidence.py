@@ -332,9 +332,8 @@ def reason(residuals: Residuals, x: Array, J: Array, stray: SensorFit) -> str:
 
 def explained(title: str, before: float, after: float, count: int) -> str:
     """Return a reason with the fall of χ² of `count` readings, if it explains them; else ""."""
-    if after - count < _REMAINS * (before - count):
-        return f"{title}; with it χ²/n falls from {before / count:.3g} to {after / count:.3g}"
-    return ""
+    falls = f"χ²/n falls from {before / count:.3g} to {after / count:.3g}"
+    return f"{title}; with it {falls}" * (after - count < _REMAINS * (before - count))
 
 
 def _candidates(residuals: Residuals) -> Iterator[tuple[str, list[Unknown], Change | None, float]]:
@@ -397,7 +396,9 @@ def _undetermined(covariance: Array, unknowns: Sequence[Unknown]) -> Iterator[st
         parts = [i for i in range(len(unknowns)) if abs(direction[i]) > _SHARE]
         names = [unknowns[i].full_name for i in parts]
         if len(parts) == 1:
-            yield f"{names[0]} is not determined: a change by half its size would be within noise"
+            same = "; on a level plane it cannot be told from the start's heading"
+            same *= unknowns[parts[0]].name == "world.yaw"
+            yield f"{names[0]} is not determined: a change by half its size is within noise{same}"
             continue
         ratio = direction[parts[1]] / direction[parts[0]]
         relative = all(unknowns[i].size == abs(unknowns[i].value) for i in parts)

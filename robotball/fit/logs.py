@@ -169,10 +169,9 @@ def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -
 
 def reordered(log: Log) -> Log:
     """Return a log whose quaternions are read in the order x, y, z, w."""
-    turns = [sensor.name.endswith("attitude") for sensor in log.sensors]
-    pairs = zip(log.sensors, turns, strict=True)
-    rolled = (replace(sensor, values=np.roll(sensor.values, by, axis=1)) for sensor, by in pairs)
-    return replace(log, sensors=tuple(rolled))
+    rolled = [np.roll(s.values, s.name.endswith("attitude"), axis=1) for s in log.sensors]
+    pairs = zip(log.sensors, rolled, strict=True)
+    return replace(log, sensors=tuple(replace(s, values=values) for s, values in pairs))
 
 
 def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> Log:

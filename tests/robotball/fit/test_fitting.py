@@ -105,7 +105,7 @@ UNTOLD: Mapping[str, tuple[list[str], list[str], str]] = {
         [],
         "frame.stall_torque~×~frame.efficiency",
     ),
-    "a world beside the start": (["kv"], ["world.yaw"], "run.csv world.yaw"),
+    "a world beside the start": (["kv"], ["world.yaw"], "run.csv world.yaw level heading"),
     "an encoder's zero beside its angle": (
         ["kv"],
         ["frame_angle.zero"],

@@ -151,13 +151,14 @@ def fit(
         Fit all logs, and hold none out.
     """
     from ..output import columns_named
-    from ..results import changed
+    from ..results import changed, file_name
     from ..studies.fitting import fit_logs
 
     words = changed(fit, free=free, also=also, noise=noise, patience=patience, all=all)
+    suffix = file_name("", None, [*(path.stem for path in logs), *words])
     return fit_logs(
         scene, logs, free, also=also, noise=noise, names=columns_named(map),
-        patience=patience, hold_out=not all, words=words, out=out, json=json,
+        patience=patience, hold_out=not all, suffix=suffix, out=out, json=json,
     )  # fmt: skip
 
 

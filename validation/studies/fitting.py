@@ -36,7 +36,6 @@ from ..output import (
 )
 from ..report import VERDICTS, page, paragraph, plot, table, text
 from ..report.chart import Line, chart, legend
-from ..results import file_name
 
 _STRONG = 0.9  # smallest correlation to report
 _GAP = 3.0  # median intervals: a longer one is a gap
@@ -203,13 +202,13 @@ def fit_logs(
     names: Mapping[str, str],
     patience: float,
     hold_out: bool,
-    words: Sequence[str],
+    suffix: str,
     out: Path,
     json: Path | None,
 ) -> int:
     """Fit a scene's numbers to logs, present and write the result; return the exit status.
 
-    words: the options that are part of the files' names.
+    suffix: of the files' names, with the logs and options.
     """
     if not paths:
         raise InputError("fit needs a log: a table of t and sensor readings")
@@ -238,7 +237,7 @@ def fit_logs(
     for headings, rows in (estimates, (_SENSORS, _sensor_rows(fitted))):
         print_whole(plain_table(headings, rows=rows), console)
     print(*lines(fitted), sep="\n")
-    name = file_name(f"fit-{scene.name}", None, [*(path.stem for path in paths), *words])
+    name = f"fit-{scene.name}{suffix}"
     if len(name) > _LONGEST_NAME:
         name = f"{name[:_LONGEST_NAME]}-{crc32(name.encode(errors='replace')):08x}"
     scene_file, page_file = (out / f"{name}{end}" for end in (numbers.suffix, ".html"))

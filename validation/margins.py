@@ -2,7 +2,8 @@
 
 A loop works if its rates stay bounded and a small disturbance of its start does not grow, by the
 equations. Rates are the angular velocity and the rates of hinges: a path that is only turned or
-shifted by the disturbance has not grown.
+shifted by the disturbance has not grown. A loop that tumbles or swings steadily is detected by its
+rates and the size of the disturbance, each compared with the loop as it is.
 """
 
 import math
@@ -20,8 +21,14 @@ from .comparing import shifted
 from .output import Show
 from .sensitivity import neighbour
 
-WORKS = 3.0  # growth from the first half of a run to the second; a regular motion has at most 2
-_BOUND = 100.0  # times the largest rate of the loop as it is, or of a ball that rolls by its weight
+# Growth from the second quarter of a run to its second half. A disturbance that persists has 1.
+WORKS = 1.25
+# Times the factor of the commands: the largest rates and disturbance over those of the loop as it
+# is. Rates may also be those of a ball that rolls by its weight.
+_LARGER = 3.0
+_SWING = 0.1  # of the largest rate of the loop as it is; a loop whose rates end below has settled
+_ROUNDING = 1e-6  # of the largest disturbance or such a rate; a smaller one has died out
+_RATIO = math.sqrt(2)  # of the values tried in turn until the loop fails
 _MOST_GAIN = 64.0
 _LONGEST = 0.25  # of the run; longest delay that is added
 _FINE = 0.02  # relative distance of the values between which a loop ceases to work
@@ -69,17 +76,21 @@ def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
     """
     scene, controller, times = theory.scene, theory.scene.controller, theory.times
     assert controller is not None
-    fastest = float(np.abs(_rates_of(theory)).max())
-    bound = _BOUND * max(fastest, math.sqrt(scene.gravity / scene.ball.radius))
+    half, rates = len(times) // 2, np.abs(_rates_of(theory))
+    fastest, by_weight = float(rates.max()), math.sqrt(scene.gravity / scene.ball.radius)
+    settled = max(_LARGER * rates[half:].max(), _SWING * fastest, _ROUNDING * by_weight)
+    disturbances: list[float] = []  # the largest of each trial, first as the loop is
 
-    def growth(factor: float, late: float) -> float:
+    def growth(factor: float, delay: float) -> float:
+        bound = max(_LARGER * factor * fastest, by_weight)
+
         def function(reading: Reading) -> dict[str, float]:
             if max(map(abs, [*reading.gyro, *reading.rates.values()])) > bound:
                 raise InputError("the rates are not bounded")  # steps would become ever shorter
             commands = controller.function(reading)
             return {name: factor * value for name, value in commands.items()}
 
-        loop = replace(controller, function=function, delay=controller.delay + late)
+        loop = replace(controller, function=function, delay=controller.delay + delay)
         try:
             motion = integrate(scene.with_controller(loop), times, rtol=_RTOL)
             near = integrate(neighbour(motion, hinges=True), times, rtol=_RTOL)
@@ -88,25 +99,30 @@ def margins_of(theory: Motion, show: Show = lambda *_: None) -> list[Margin]:
         if motion.ended or near.ended:
             return math.inf
         apart = np.linalg.norm(_rates_of(near) - _rates_of(motion), axis=1)
-        begin, end = np.array_split(apart, 2)
-        return float(end.max() / begin.max())
+        begin, end = apart[half // 2 : half].max(), apart[half:].max()
+        disturbances.append(float(apart.max()))
+        late_rate = np.abs(_rates_of(motion)[half:]).max()
+        if end > _LARGER * factor * disturbances[0] or late_rate > factor * settled:
+            return math.inf
+        return float(end / max(begin, _ROUNDING * disturbances[-1]))
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)
-        gain = _margin("times the commands", lambda x: growth(x, 0), (1.0, 2.0, _MOST_GAIN), show)
+        gains = 1.0, _RATIO, _MOST_GAIN
+        gain = _margin("times the commands", lambda x: growth(x, 0), gains, show)
         delays = 0.0, controller.period, _LONGEST * float(times[-1])
         return [gain, _margin("s more delay", lambda x: growth(1, x), delays, shifted(show, 1))]
 
 
 def _margin(what: str, growth: _Growth, values: tuple[float, float, float], show: Show) -> Margin:
-    """Double a number while the loop works, then bisect; values: as it is, next, and the most."""
+    """Raise a number while the loop works, then bisect; values: as it is, next, and the most."""
     low, first, most = values
     tried, high = {low: growth(low)}, math.inf
     if not tried[low] <= WORKS:
         return Margin(what, math.nan, low, tried)
     while low < most and high - low > _FINE * max(low, first):
         show(1 - math.exp(-len(tried) / _TRIALS), f"margin, {what}")
-        value = (low + high) / 2 if high < math.inf else min(max(2 * low, first), most)
+        value = (low + high) / 2 if high < math.inf else min(max(_RATIO * low, first), most)
         tried[value] = growth(value)
         low, high = (value, high) if tried[value] <= WORKS else (low, value)
     return Margin(what, low, high, tried)

@@ -22,7 +22,7 @@ import lazy_loader
 # The names in __init__.pyi are imported on first use.
 _loaded, _, _own = lazy_loader.attach_stub(__name__, __file__)
 # Imported from `validation`.
-_EVERYDAY = ("Agreement", "assert_agrees", "compare", "compare_many", "sweep")
+_EVERYDAY = ("Agreement", "assert_agrees", "check_robot", "compare", "compare_many", "sweep")
 __all__ = sorted([*_own, *_EVERYDAY])
 
 

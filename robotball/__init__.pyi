@@ -80,6 +80,7 @@ from .view.notebook import plot as plot
 from .view.render import film as film
 
 Agreement = _validation.Agreement
+check_robot = _validation.check_robot
 compare = _validation.compare
 assert_agrees = _validation.assert_agrees
 compare_many = _validation.compare_many

@@ -223,6 +223,7 @@ print(before, *(getattr(rb, name).__module__ for name in rb._EVERYDAY), "compare
         "False",
         "validation.agreement",
         "validation.results",
+        "validation.check.checking",
         "validation.agreement",
         "validation.many_runs",
         "validation.many_runs",

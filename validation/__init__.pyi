@@ -2,6 +2,8 @@
 
 from .agreement import Agreement as Agreement
 from .agreement import compare as compare
+from .check.checking import RobotCheck as RobotCheck
+from .check.checking import check_robot as check_robot
 from .many_runs import ManyRuns as ManyRuns
 from .many_runs import Sweep as Sweep
 from .many_runs import compare_many as compare_many

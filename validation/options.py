@@ -30,6 +30,7 @@ OUT = Path("out")
 # Largest errors of a trajectory that agrees: relative for path, height, momentum and hinge rates,
 # in rad for the attitude.
 TOLERANCE = 1e-2
+CHECKED = 1e-3  # largest path error of a robot file that agrees
 _QUICK = 1.0  # s, simulated by a quick form of a study
 
 

@@ -86,7 +86,7 @@ def test_a_loop_of_the_wrong_sign_has_no_margins() -> None:
 
 def leaning(sign: float, span: float) -> list[Margin]:
     """Return the margins of a weight that swings sideways to hold a tilted robot upright."""
-    start = rb.Start(np.array([0.96**0.5, 0.2, 0.0, 0.0]), (0.0, 0.0, 0.0))
+    start = rb.Start(np.array([0.96**0.5, 0.2, 0.0, 0.0]), np.zeros(3))
     scene = replace(rb.load_scene("steered_pendulum_robot"), start=start)
 
     def lean(reading: rb.Reading) -> dict[str, float]:

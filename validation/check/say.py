@@ -41,21 +41,8 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     """Return the table, record, picture and lines of a check. notes: lines to begin with."""
     seen, theory = checked.observation, checked.observation.theory
     file = seen.user.robot.path
-    causes, repairs = causes_of(checked), seen.user.robot.repairs
-    rows = [_row(f"+ {name}", words) for name, words in repairs.items()]
-    rows += [_row(f"+ {change.name}", change.words, without) for change, without in checked.needed]
-    named = {row["change"] for row in rows}
-    parts = (cause.partition(": ") for cause in causes)
-    rows += [_row(f"! {name}", words) for name, _, words in parts if f"+ {name}" not in named]
-    rows += [_row(f"({change.name})", change.words) for change in checked.spared]
-    lines = [*notes, *_verdict(checked), *_symptoms(checked)]
-    if checked.is_changed:
-        error = checked.mended_error
-        marked = any(row["change"].startswith("!") for row in rows)
-        todo = "mend what is marked !, and check again" if marked else "try a shorter --duration"
-        missed = f", above {seen.accuracy:g}: {todo}" if error > seen.accuracy else ""
-        words = f"path error {scientific(error)}{missed}" if np.isfinite(error) else "it diverges"
-        lines.append(f"mended: {words}")
+    causes, rows = causes_of(checked), _rows(checked)
+    lines = lines_of(checked, notes)
     # The error of a motion that breaks off, or in which nothing moves, has no meaning.
     meant = seen.judged and not seen.symptoms.failure
     others = {name: error for name, error in seen.errors.items() if name != theory.scene.rolling}
@@ -78,6 +65,33 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     shown = [f"[bold]{escape(file.name)}[/]", *map(escape, lines)]
     tables = [table_of(COLUMNS, rows)] if rows else []
     return Study(file.stem, None, ["check"], rows, record, [*shown, *tables], _picture(checked))
+
+
+def lines_of(checked: Checked, notes: Sequence[str]) -> list[str]:
+    """Return the lines of a check: the notes, the verdict, the symptoms and the mended error."""
+    lines, accuracy = (
+        [*notes, *_verdict(checked), *_symptoms(checked)],
+        checked.observation.accuracy,
+    )
+    if checked.is_changed:
+        error = checked.mended_error
+        marked = any(row["change"].startswith("!") for row in _rows(checked))
+        todo = "mend what is marked !, and check again" if marked else "try a shorter --duration"
+        missed = f", above {accuracy:g}: {todo}" if error > accuracy else ""
+        words = f"path error {scientific(error)}{missed}" if np.isfinite(error) else "it diverges"
+        lines.append(f"mended: {words}")
+    return lines
+
+
+def _rows(checked: Checked) -> list[dict[str, Any]]:
+    causes, repairs = causes_of(checked), checked.observation.user.robot.repairs
+    rows = [_row(f"+ {name}", words) for name, words in repairs.items()]
+    rows += [_row(f"+ {change.name}", change.words, without) for change, without in checked.needed]
+    named = {row["change"] for row in rows}
+    parts = (cause.partition(": ") for cause in causes)
+    rows += [_row(f"! {name}", words) for name, _, words in parts if f"+ {name}" not in named]
+    rows += [_row(f"({change.name})", change.words) for change in checked.spared]
+    return rows
 
 
 def _row(change: str, words: str, without: float | None = None) -> dict[str, Any]:

@@ -13,11 +13,6 @@ from .. import options
 if TYPE_CHECKING:
     from robotball.design.steering import WantedPath
 
-    from ..check.ablate import Checked
-
-_ACCURACY = 1e-3  # relative path error that counts as agreement
-_FIRST_LINE = 0.2  # s of a check, after which it says how long it takes
-
 
 def check(
     file: Path,
@@ -27,7 +22,7 @@ def check(
     rolling: Literal["rubber", "classical"] | None = None,
     keyframe: Annotated[str | None, Parameter(metavar="NAME")] = None,
     control: options.Controls = (),
-    accuracy: Annotated[float, Parameter(metavar="ERROR")] = _ACCURACY,
+    accuracy: Annotated[float, Parameter(metavar="ERROR")] = options.CHECKED,
     duration: options.Seconds | None = None,
     out: options.Out = options.OUT,
     json: options.JsonFile = None,
@@ -53,16 +48,18 @@ def check(
     duration
         Simulated time. Default: 10 s.
     """
-    from robotball.errors import check_positive
-
     from ..check.ablate import motions_of
+    from ..check.checking import checked_robot
     from ..check.say import difference, page_of, study_of
     from ..output import writable_folder, write_text
+    from ..results import controls_of
     from ..study import present
 
-    check_positive("accuracy", accuracy, "")
     writable_folder(out)
-    checked, notes = checked_robot(file, shell, rolling, keyframe, control, accuracy, duration)
+    seconds = 10.0 if duration is None else duration
+    checked, notes = checked_robot(
+        file, controls_of(control), seconds, accuracy, shell, rolling, keyframe
+    )
     study = study_of(checked, notes)
     picture, html = (out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
     present(study, picture, json, None)
@@ -73,40 +70,6 @@ def check(
         write_text(mended, checked.text)
         print(mended, *difference(checked), sep="\n")
     return options.AGREES if checked.agrees else options.DISAGREES
-
-
-def checked_robot(
-    file: Path,
-    shell: str | None = None,
-    rolling: Literal["rubber", "classical"] | None = None,
-    keyframe: str | None = None,
-    control: tuple[str, ...] = (),
-    accuracy: float = _ACCURACY,
-    duration: float | None = None,
-) -> "tuple[Checked, list[str]]":
-    """Return the outcome of the check, and the lines to print before it."""
-    from robotball.engines.mujoco.user_model import UserModel
-    from robotball.errors import mujoco_silent, named
-    from robotball.robot.drives import as_drive
-    from robotball.scene_files.scene_keys import ask
-    from robotball.user_model.robot_file import open_robot, starts_off
-
-    from ..check.ablate import check_model
-    from ..check.observe import made_to_move
-    from ..output import progress_bar
-    from ..results import controls_of
-
-    with mujoco_silent():  # or MuJoCo writes its warnings into the current folder
-        robot = open_robot(file, shell)
-        seconds = 10.0 if duration is None else duration
-        controls = {name: as_drive(value, seconds) for name, value in controls_of(control).items()}
-        user, moves = made_to_move(UserModel(robot, controls, keyframe))
-        ask(file, user.scene(rolling or "classical", seconds))
-        with progress_bar(1, first_line=_FIRST_LINE) as show:
-            checked = check_model(user, rolling, seconds, accuracy, show)
-        kept = checked.observation.theory.scene.start.slip
-        with named(file):
-            return checked, [*robot.notes, *starts_off(robot, user.begin(), kept), *moves]
 
 
 def fit(

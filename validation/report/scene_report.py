@@ -36,7 +36,7 @@ _ROLLING = {
 }
 _MARGIN = (
     "Growth of a small disturbance of the start from the second quarter of the run to its second "
-    f"half. The loop works up to {WORKS:g}-fold. Cross: beyond it, a run breaks off or does not settle."
+    f"half. The loop works up to {WORKS:g}-fold. Cross: a run breaks off or does not settle."
 )
 _UNITS = {**SENSORS, "attitude": "1", "command": "as its motor"}
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times if x is not the time

@@ -637,3 +637,19 @@ def test_invalid_options_of_check_are_refused(
     assert status == 2
     assert unnamed(REFUSED[options], complaint) == []
     assert complaint.count("\n") == 1
+
+
+def test_a_file_whose_own_contact_has_no_friction_fails_where_compare_agrees(
+    tmp_path: Path,
+) -> None:
+    """`assert_agrees` takes robotball's contact, `check_robot` the file's."""
+    for name, edit in {"right": ("", ""), "broken": PLANTED["condim 2"]}.items():
+        file = tmp_path / f"{name}.xml"
+        file.write_text(GOOD.replace(*edit))
+        rb.assert_agrees(file, 0.5, settings="balanced")
+        check = rb.check_robot(file, 0.5, accuracy=2e-3)
+        assert check.agrees == (name == "right"), check.message
+        if not check.agrees:
+            assert unnamed("condim", check.message) == []
+    with pytest.raises(rb.InputError, match=naming("accuracy positive -1")):
+        rb.check_robot(file, accuracy=-1.0)

@@ -200,8 +200,8 @@ def test_every_name_in_a_docstring_or_comment_exists() -> None:
     assert [*unknown_names(planted, known)] == ["no_such_name", "COUNT", "str.such_a_one"]
 
 
-def test_the_core_loads_validation_only_for_five_everyday_names() -> None:
-    """`robotball.compare` and four others come from validation, so that users need one import only.
+def test_the_core_loads_validation_only_for_six_everyday_names() -> None:
+    """`robotball.compare` and five others come from validation, so that users need one import only.
 
     They are loaded on first use; all else in robotball works without validation.
     """

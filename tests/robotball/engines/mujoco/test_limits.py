@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -301,6 +302,21 @@ def test_a_fast_nutation_with_little_momentum_gives_no_warning() -> None:
     assert 10.0 / 0.02 * theta**6 / 144 > limit.limit
     assert not limit.exceeded
     assert 0.7 < measured("momentum", scene, FAST, 10.0) / limit.value < 1.3  # measured 0.96
+
+
+def test_a_first_order_step_loses_no_momentum_in_a_planar_motion(tmp_path: Path) -> None:
+    """Out of the plane, the same ball is warned; its frame swings about the shell's axle."""
+    file, settings = tmp_path / "swinging.xml", rb.preset("naive")
+    ball = """<mujoco><worldbody><geom type="plane" size="5 5 .1"/><body pos="0 0 .15"><freejoint/>
+<geom type="sphere" size=".15" mass=".6"/><body><joint name="axle" axis="0 1 0"/>
+<geom type="box" size=".05 .04 .02" pos="0 0 -.05" mass="1" contype="0"/></body></body></worldbody>
+<keyframe><key qpos="0 0 .15 1 0 0 0 0" qvel="1.5 0 0 0 10 {} -10"/></keyframe></mujoco>"""
+    file.write_text(ball.format(0))
+    planar = rb.load_scene(file)
+    assert limits.momentum_lost(PlannedRun(planar, settings, 10.0)) is None
+    assert measured("momentum", planar, settings, 10.0) < 0.01  # measured 0.0032
+    file.write_text(ball.format(2))
+    assert limit_of(limits.momentum_lost, rb.load_scene(file), settings, 10.0).exceeded
 
 
 @pytest.mark.parametrize("name", ["fig12", "classical_regular", "wobbling_drive"])

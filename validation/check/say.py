@@ -69,10 +69,8 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
 
 def lines_of(checked: Checked, notes: Sequence[str]) -> list[str]:
     """Return the lines of a check: the notes, the verdict, the symptoms and the mended error."""
-    lines, accuracy = (
-        [*notes, *_verdict(checked), *_symptoms(checked)],
-        checked.observation.accuracy,
-    )
+    accuracy = checked.observation.accuracy
+    lines = [*notes, *_verdict(checked), *_symptoms(checked)]
     if checked.is_changed:
         error = checked.mended_error
         marked = any(row["change"].startswith("!") for row in _rows(checked))

@@ -104,7 +104,7 @@ def dm_environment(
         path = integrate(scene, times * control_timestep).contact_point
     path = as_floats("path", path)
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
-        raise InputError(f"path must be finite, of shape (n, 2) with n > 1, not {path.shape}")
+        raise InputError(f"path must be finite numbers (n, 2), n > 1; its shape is {path.shape}")
     resolved = Resolved(scene, chosen)
     if resolved.settings.slips is False:  # an agent may exceed the friction
         chosen = for_slip(scene, chosen, resolved.timestep)

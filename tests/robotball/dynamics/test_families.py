@@ -61,5 +61,5 @@ def test_numbers_that_no_ball_has_are_refused(changes: dict[str, float], facts: 
 
 def test_the_length_of_a_zero_vector_cannot_be_varied() -> None:
     """The message names it and what to vary instead."""
-    with pytest.raises(InputError, match=naming("K K1 2 3")):
+    with pytest.raises(InputError, match=naming("K K1 K2 K3")):
         varied(from_rest(0.0), np.zeros(3), {"K": 1.0})

@@ -147,7 +147,7 @@ def test_a_broken_or_old_environment_is_refused_with_the_command_that_makes_it_a
         environments.interpreter_of(home, ["only-there>=1.10"])
     engine = elsewhere(ELSEWHERE, folder)
     (home / "bin" / "python").unlink()
-    with pytest.raises(rb.InputError, match=naming("bin/python gone --install elsewhere")):
+    with pytest.raises(rb.InputError, match=naming("bin/python exist --install elsewhere")):
         rb.simulate(FIG12, TIMES, engine=engine)
 
 
@@ -184,7 +184,7 @@ def test_an_environment_with_a_file_that_others_may_write_is_not_run(
     for top, mode in ((0o700, 0o777), (0o755, 0o775)):
         home.chmod(top)
         path.chmod(mode)
-        pattern = rf"{path} belongs to another user, or others may write to it, so it is not run"
+        pattern = rf"{path} is not run, because another user owns it or may write to it"
         with pytest.raises(rb.InputError, match=pattern):
             environments.interpreter_of(home)
 
@@ -217,7 +217,7 @@ def test_an_environment_that_is_not_ours_is_not_run(
         monkeypatch.setattr(os, "getuid", lambda: 123456)
     else:
         home.chmod(0o777)
-    with pytest.raises(rb.InputError, match=naming("elsewhere user others")):
+    with pytest.raises(rb.InputError, match=naming("elsewhere user write")):
         rb.simulate(FIG12, TIMES, engine=elsewhere(ELSEWHERE, folder))
 
 
@@ -367,7 +367,7 @@ def test_environments_share_files_unless_others_may_change_them(
     one, two, three = (environments._packages(home) / "tiny.py" for home in homes)
     assert one.samefile(two)
     one.chmod(0o660)
-    with pytest.raises(rb.InputError, match=naming("tiny.py others --environments")):
+    with pytest.raises(rb.InputError, match=naming("tiny.py user --environments")):
         environments.interpreter_of(homes[1])
     environments.make(homes[2], ["tiny"], Path(sys.executable))
     assert not one.samefile(three)

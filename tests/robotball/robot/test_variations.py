@@ -23,7 +23,7 @@ def test_a_gyrostat_has_the_momentum_and_the_rate_requested(scene: rb.Scene) -> 
     slow = gyrostat(scene, frame_rate=2.0, K=momentum_of(scene), rotor_rate=1e6)
     assert slow.hinges[1].rate == pytest.approx(1e6)
     np.testing.assert_allclose(slow.parameters.K, numbers.K, rtol=1e-12, atol=1e-12)
-    with pytest.raises(rb.InputError, match=naming("frame inertia positive")):
+    with pytest.raises(rb.InputError, match=naming("frame moment positive")):
         gyrostat(scene, frame_rate=2.0, K=momentum_of(scene), rotor_rate=1.0)
 
 

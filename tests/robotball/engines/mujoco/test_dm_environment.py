@@ -123,7 +123,7 @@ def test_actions_that_break_the_simulation_raise_a_physics_error() -> None:
         ({"path": STRAIGHT + np.inf}, "finite numbers"),
         ({"control_timestep": 0.0}, "control_timestep 0~s"),
         ({"settings": "exact"}, "fig12 exact MuJoCo"),
-        ({"scene": replace(FIG12, friction=Friction(rolling=0.01))}, "resistance"),
+        ({"scene": replace(FIG12, friction=Friction(rolling=0.01))}, "rolling friction"),
         ({"largest_action": [1.0, 2.0, 3.0]}, "largest_action 2"),
     ],
 )

@@ -57,7 +57,7 @@ def test_a_run_of_too_many_parts_ends_with_a_fault(monkeypatch: pytest.MonkeyPat
     assert fault.kind is rb.FaultKind.STEP_TOO_SHORT
     assert fault.fatal
     assert 0 < fault.time < lean.duration
-    for fact in ("parts of", "timestep", "gain", "friction.rolling"):
+    for fact in ("parts", "timestep", "gain", "friction.rolling"):
         assert fact in fault.text
 
 

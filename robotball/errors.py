@@ -32,7 +32,7 @@ class InputError(ValueError):
     Parameters
     ----------
     message : str
-        The line. Line breaks become spaces; long words and lines are cut in the middle.
+        The message. Line breaks become spaces; a long word or line is cut in the middle.
 
     Examples
     --------
@@ -50,7 +50,7 @@ class InputError(ValueError):
 
 
 class EarlyEndError(InputError):
-    """Report that a motion ends early: the ball lifts off, or a joint meets its stop."""
+    """Report that a motion ends early because the ball lifts off or a joint reaches its stop."""
 
 
 def _shortened(text: str, most: int) -> str:
@@ -59,7 +59,7 @@ def _shortened(text: str, most: int) -> str:
 
 
 class SceneWarning(UserWarning):
-    """Warn of a scene that runs but may differ from its author's intention.
+    """Warn that a scene can be simulated, but may differ from its author's intention.
 
     Examples
     --------
@@ -78,14 +78,14 @@ class SceneWarning(UserWarning):
 class UnitWarning(InputError, SceneWarning):  # noqa: N818
     """Warn that a number in a user's file appears to be in the wrong unit.
 
-    The library warns; the commands raise it unless `--as-given` is passed.
+    The library only warns. The commands stop with this error unless `--as-given` is passed.
     """
 
 
 def warn(line: str, kind: type[SceneWarning] = SceneWarning) -> None:
     """Issue a warning, attributed to the first caller outside these packages."""
-    # Python shows a warning once per source line. Attributed to a line of ours, a script that runs
-    # many scenes would see only the first. `skip_file_prefixes` needs Python 3.12.
+    # Python shows a warning once per source line. If it were attributed to a line of robotball, a
+    # script that runs many scenes would see only the first. `skip_file_prefixes` needs Python 3.12.
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in _PACKAGES:
         frame, level = frame.f_back, level + 1
@@ -93,8 +93,8 @@ def warn(line: str, kind: type[SceneWarning] = SceneWarning) -> None:
 
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
-    """Return the error for an unknown name. It lists near matches, else the known names."""
-    # Without the hyphens that all options start with, which would make everything a near match.
+    """Return the error for an unknown name. It lists near matches, or else the known names."""
+    # Strip the hyphens: all options start with them, so every option would be a near match.
     names = {name.lstrip("-"): name for name in known}
     matches = difflib.get_close_matches(str(name).lstrip("-"), names)
     count = f"{len(names)}, such as " if len(names) > _MAX_LISTED else ""
@@ -105,9 +105,10 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
 
 
 def too_many_steps(taken: int, reached: float, end: float, speed: float) -> InputError:
-    """Return the error for a run that used its `taken` steps up to time `reached` of `end` [s].
+    """Return the error for a run to `end` [s] that used all its steps before that time.
 
-    speed: angular speed of the ball at that time [rad/s].
+    taken: the number of steps; reached: the time reached [s]; speed: the ball's angular speed at
+    that time [rad/s].
     """
     needed = f"about {taken * end / reached:.2g}" if reached > 0 else "infinitely many"
     return InputError(
@@ -145,7 +146,7 @@ def check_not_negative(name: str, value: float, unit: str) -> None:
 
 
 def check_size(name: str, value: float, unit: str = "", largest: float = LARGEST) -> None:
-    """Raise InputError unless `value` is finite and at most `largest` in size."""
+    """Raise InputError unless `value` is finite and its absolute value is at most `largest`."""
     _check_number(name, value)
     # `abs(value) > largest` would accept NaN.
     if not abs(value) <= largest:
@@ -171,10 +172,10 @@ def check_seed(seed: int) -> int:
 def mujoco_silent() -> Iterator[None]:
     """Suppress MuJoCo's printed warnings in the block.
 
-    MuJoCo would write them to the terminal and to a file in the current folder. Its warning
-    counters, which the monitor reads, still count. Blocks in several threads may overlap.
+    MuJoCo would write them to the terminal and to a file in the current folder. The monitor reads
+    MuJoCo's warning counters, which still count. Blocks in several threads may overlap.
     """
-    import mujoco  # late: the equations run without it
+    import mujoco  # late: the equations can be integrated without MuJoCo
 
     with _HANDLER_LOCK:
         _SAVED_HANDLERS.append(mujoco.get_mju_user_warning())
@@ -193,7 +194,7 @@ def counted(count: int, noun: str) -> str:
 
 
 def percent(part: float) -> str:
-    """Return a part in percent, with two digits."""
+    """Return a fraction as a percentage with two digits."""
     return f"{float(f'{100 * part:.2g}'):g} %"
 
 
@@ -209,8 +210,8 @@ def named(name: object) -> Iterator[None]:
 def call_users(name: str, function: Callable[..., _T], *args: Any, at: float | None = None) -> _T:
     """Call a function written by the user. at: time in the run [s], for the error message.
 
-    Any exception becomes an InputError with the user's file and line. SystemExit is included: it
-    would end the program silently. KeyboardInterrupt is not: signals end the program with it.
+    Any exception becomes an InputError with the user's file and line, even SystemExit, which would
+    end the program silently. KeyboardInterrupt is passed on, so that Ctrl-C ends the program.
     """
     try:
         return function(*args)
@@ -225,7 +226,8 @@ def call_users(name: str, function: Callable[..., _T], *args: Any, at: float | N
 def _line_of(error: BaseException) -> str:
     """Return ", in FILE line N" for an error raised in the user's file, else ""."""
     frames = traceback.extract_tb(error.__traceback__)[1:]
-    # Running a file or copying an object puts frames of the standard library around the user's.
+    # Running a file or copying an object adds stack frames of the standard library around those of
+    # the user's code.
     standard_library = ("<frozen", sysconfig.get_path("stdlib"))
     users = [
         frame

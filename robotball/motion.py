@@ -25,12 +25,13 @@ Progress = Callable[[float], None]
 _PACKAGES = ("robotball", "mujoco", "numpy", "scipy")  # their versions affect the numbers
 # Limits for the runs of every engine.
 DIVERGED = 1e10  # SI units: a larger state value means divergence, like MuJoCo's mjMAXVAL
-_LEAST_TIME = 1e-9  # s, the resolution of a good clock
-RATE_ERROR = 1e-3  # relative error of a hinge rate; prescribed hinges reach 1e-13, servos 1e-3
+_LEAST_TIME = 1e-9  # s, the resolution of an accurate clock
+RATE_ERROR = 1e-3  # relative, of a hinge rate; prescribed rates reach 1e-13, servos 1e-3
 _TOLERANCE_TIME = 10.0  # s, the duration for which an error tolerance is stated
 _LOOSEST = 1e-2  # upper limit of a tolerance for longer runs
-# Long motions are processed in pieces, because temporaries of a whole motion would need more memory
-# than the motion. A multiple of BLAS's block size, so that results do not depend on the cuts.
+# Long motions are processed in pieces, because temporary arrays of a whole motion would need more
+# memory than the motion. The length is a multiple of BLAS's block size, so that results do not
+# depend on where a motion is cut.
 _PIECE = 65_536  # samples
 
 _Preset = TypeVar("_Preset", bound="EngineSettings")
@@ -41,10 +42,10 @@ _installed_version = cache(version)
 
 
 class FaultKind(Enum):
-    """Name the kinds of fault, causes before their effects.
+    """List the kinds of fault, each cause before its effects.
 
-    The value is the sentence that the user reads. {subject} is the faulty part; {limit} or
-    {percent} is the limit that was exceeded.
+    The value of a kind is the text that the user reads. In the text, {subject} stands for the
+    faulty part, and {limit} or {percent} for the limit that was exceeded.
 
     Examples
     --------
@@ -82,9 +83,9 @@ class Fault:
     time : float, s
         When the fault begins.
     subject : str
-        The faulty part, if the kind's sentence names one.
+        The faulty part, if the text of the kind names one.
     limit : float
-        The limit that was exceeded, if the kind's sentence names one.
+        The limit that was exceeded, if the text of the kind names one.
     fatal : bool
         Whether the fault ended the run.
     note : bool
@@ -107,7 +108,7 @@ class Fault:
 
     @property
     def text(self) -> str:
-        """The sentence, without the time."""
+        """The text of the fault, without the time."""
         numbers = {"limit": self.limit, "percent": 100 * self.limit}
         return self.kind.value.format(subject=self.subject, **numbers)
 
@@ -119,18 +120,19 @@ class Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineSettings:
-    """Hold the settings that all engines share. Each engine subclasses it to add its own.
+    """Hold the settings that all engines share. Each engine adds its own in a subclass.
 
     Attributes
     ----------
     name : str
         The name of the settings, for tables and files.
     error_tolerance : float
-        The largest path error and momentum error (both relative) allowed in 10 s on catalog scenes.
+        Limit of the relative path error and of the relative momentum error in 10 s on a catalog
+        scene.
     accuracy : float or None
-        The path error that the settings were chosen for, if any.
+        The path error for which the settings were chosen. None if they were not chosen for one.
     stop_at_fault : bool
-        Whether a run ends at its first fault. Otherwise it continues while the state is finite.
+        True if a run ends at its first fault. If False, a run continues while its state is finite.
 
     Examples
     --------
@@ -146,7 +148,7 @@ class EngineSettings:
     stop_at_fault: bool = True
 
     def plain(self) -> dict[str, Any]:
-        """Return the settings as JSON-compatible data, without those that are None."""
+        """Return the settings as JSON-compatible data. Settings that are None are left out."""
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in asdict(self).items()
@@ -163,7 +165,7 @@ def preset_named(presets: Mapping[str, _Preset], name: str) -> _Preset:
 
 @dataclass(frozen=True)
 class Label:
-    """Name, version, colour and matplotlib marker of an engine in tables, plots and films."""
+    """Identify an engine in tables, plots and films: name, version, colour, matplotlib marker."""
 
     name: str
     version: str
@@ -199,12 +201,13 @@ class ContactReport(Value):
     depth : (n,), m
         Penetration of the shell into the plane. It shortens the lever arm of the contact.
     friction_used : (n,)
-        The used fraction of the friction cone; 1 is saturated. NaN if the engine does not report
-        contact forces.
+        The friction force as a fraction of its limit, the friction cone; 1 at the limit. NaN if the
+        engine does not report contact forces.
     hinge_rate_error : (n,)
-        The largest relative error of a prescribed hinge rate. Motor lag does not count.
+        The largest relative error of a prescribed hinge rate. The lag of a motor behind its command
+        does not count.
     faults : tuple of Fault
-        The faults, earliest first. Empty for a sound run.
+        The faults, earliest first. Empty for a run without faults.
     timestep : float, s
         The longest step taken.
     steps : int
@@ -218,10 +221,11 @@ class ContactReport(Value):
     notes : tuple of Fault
         Events that are part of the motion and not faults.
     python_seconds : float or None, s
-        The part of `seconds` spent in Python, also the engine's own. None if not measured.
+        The part of `seconds` spent in Python code, including the engine's Python code. None if it
+        was not measured.
     versions : mapping of str to str
-        Versions of Python and packages in the process that ran the engine, which may belong to
-        the engine's separate environment.
+        Versions of Python and packages in the process that ran the engine. The engine may have a
+        Python environment of its own.
 
     Examples
     --------
@@ -271,7 +275,9 @@ class ContactReport(Value):
 
 @dataclass(frozen=True, repr=False)
 class Motion(Value):
-    """Hold the motion of a scene's ball at n sample times, with h hinges: frame, then rotors.
+    """Hold the motion of a scene's ball at n sample times, with h hinges.
+
+    The hinges are in the order of `Ball.hinges`.
 
     Attributes
     ----------
@@ -286,18 +292,18 @@ class Motion(Value):
     attitude : (n, 4), frame to world
         Unit quaternions (w, x, y, z) of the frame.
     momentum : (n, 3), kg m²/s, world
-        The paper's angular momentum M, which is constant in world axes if the scene conserves it.
+        The paper's angular momentum M. It is constant if `scene.keeps_momentum`.
     angular_velocity : (n, 3), rad/s, frame axes
         The angular velocity of the frame.
     hinge_angles : (n, h), rad
-        The hinge angles, continuing from the scene's initial angles.
+        The hinge angles, which start at the scene's initial angles.
     hinge_rates : (n, h), rad/s
         The hinge rates.
     loads : Loads
         The forces and torques that the motion requires.
     calls : sequence of mappings of str to float
-        The calls of the scene's controller: its readings and commands by name, such as `time`,
-        `gyro[0]`, `rates[frame]` and `command[frame]`.
+        One mapping for each call of the scene's controller. It has the readings and commands by
+        name, such as `time`, `gyro[0]`, `rates[frame]` and `command[frame]`.
 
     Examples
     --------
@@ -348,11 +354,11 @@ class Motion(Value):
 
     @property
     def path_scale(self) -> float:
-        """Unit of relative path errors [m]: `path_unit` of the whole path."""
+        """The length by which path errors are divided [m]: `path_unit` of the whole path."""
         return float(path_unit(self.scene, self.path_length))
 
     def save(self, path: str | Path) -> None:
-        """Write the motion as .csv, .npz or .parquet. `load_motion` restores every bit.
+        """Write the motion as .csv, .npz or .parquet. `load_motion` restores it to the last bit.
 
         The header holds the scene's TOML, the engine and the units. A contact engine's report is
         not written. Raises InputError if the file cannot be written.
@@ -366,8 +372,9 @@ class Motion(Value):
     def to_xarray(self) -> Any:
         """Return the motion as an xarray.Dataset over `time`, with units as attributes.
 
-        Vectors in world axes have the dimension `world`, those in frame axes `frame`, so that they
-        are not mixed. Raises InputError if the optional package xarray is not installed.
+        Vectors in world axes have the dimension `world`, and vectors in frame axes the dimension
+        `frame`, so that xarray does not mix them. Raises InputError if the optional package xarray
+        is not installed.
         """
         from robotball.files.trajectories import dataset_of
 
@@ -380,30 +387,30 @@ def _gamma_of(attitude: Array) -> Array:
 
 @dataclass(frozen=True, repr=False)
 class ReferenceMotion(Motion):
-    """Hold a motion computed with the equations, to compare other motions with.
+    """Hold a motion computed with the equations, the reference for other motions.
 
-    It also has the attributes of `Motion`.
+    A `ReferenceMotion` also has the attributes of `Motion`.
 
     Attributes
     ----------
     again : callable
-        Returns the contact points (n, 2) [m], integrated with longer steps.
+        Integrates the motion with longer steps and returns the contact points (n, 2) [m].
     motor_work : (n, h), J, or None
-        Cumulative work of the motors. None with the reduced equations, as the next two.
+        Cumulative work of the motors. None if the motion was computed with the reduced equations.
     rolling_loss : (n,), J, or None
-        Cumulative loss to rolling resistance.
+        Cumulative loss to rolling resistance. None as for `motor_work`.
     plane_work : (n,), J, or None
-        Cumulative work of a plane that moves or turns on the ball, in world axes.
+        Cumulative work that a moving or turning plane does on the ball, in world axes. None as for
+        `motor_work`.
     slip : (n, 3) or None
-        Velocity of the shell's point at the contact along X and Y [m/s], and the spin of a rubber
-        shell about the vertical [rad/s], relative to the plane. None if the friction is never
-        exceeded, as the next two.
+        Slip relative to the plane: velocity of the shell's point at the contact along X and Y
+        [m/s], and spin of a rubber shell about the vertical [rad/s]. None if the shell never slips.
     slipping : tuple of (float, float), s
-        The intervals in which the shell slips.
+        The time intervals in which the shell slips.
     friction_loss : (n,), J, or None
-        Cumulative loss to sliding and torsional friction.
+        Cumulative loss to sliding and torsional friction. None if the shell never slips.
     ended : str or None
-        Which joint limit ended the motion early, and when.
+        The joint limit that ended the motion early, and the time. None for a complete motion.
 
     Examples
     --------
@@ -424,11 +431,12 @@ class ReferenceMotion(Motion):
 
     @cached_property
     def reference_error(self) -> float:
-        """Path error of this motion itself over `path_scale`, estimated with longer steps.
+        """Estimated path error of this motion, divided by `path_scale`.
 
-        The second integration runs on first use. The estimate is at least 4 machine epsilons, as
-        two integrations may agree by chance. The true error, measured against 80-bit steps, was
-        0.06 to 2.1 times the estimate on the steady scenes of the catalog.
+        On first use, the motion is integrated again with longer steps, and the difference is the
+        estimate. It is at least 4 machine epsilons, because two integrations may agree by chance.
+        On the steady scenes of the catalog, the true error, measured with an integration in 80-bit
+        arithmetic, was 0.06 to 2.1 times the estimate.
         """
         off = _distances(self.contact_point, self.again())
         return max(float(off.max() / self.path_scale), 4 * float(np.finfo(float).eps))
@@ -438,12 +446,12 @@ class ReferenceMotion(Motion):
 class ContactMotion(Motion):
     """Hold a motion simulated with a contact engine.
 
-    It also has the attributes of `Motion`.
+    A `ContactMotion` also has the attributes of `Motion`.
 
     Attributes
     ----------
     report : ContactReport
-        The report on the run, with its faults.
+        The report on the run, which lists the faults.
 
     Examples
     --------
@@ -481,18 +489,18 @@ def pieces(count: int) -> Iterator[slice]:
 def tolerated(tolerance: float, times: ArrayLike) -> Array:
     """Return the allowed momentum error at times [s].
 
-    M drifts at every step, so its error grows with time. The tolerance holds for the first 10 s
-    and grows in proportion afterwards, up to 1e-2.
+    M drifts at every step, so its error grows with time. The tolerance holds for the first 10 s;
+    after them it grows in proportion to the time, up to 1e-2.
     """
     stretched = tolerance * np.maximum(1.0, np.asarray(times) / _TOLERANCE_TIME)
     return np.minimum(stretched, max(tolerance, _LOOSEST))
 
 
 def path_unit(scene: Scene, length: ArrayLike) -> Array:
-    """Return the unit of path errors and slip [m]: the path length, but at least the radius.
+    """Return the scale of path errors and slip [m]: the path length, but at least the radius.
 
-    A ball that spins on the spot has no path, and at the start regularised friction slips while
-    the path is still short.
+    The path of a ball that spins on the spot has length 0. At the start, a shell with regularised
+    friction slips while the path is still short.
     """
     return np.maximum(length, scene.ball.radius)
 
@@ -500,7 +508,8 @@ def path_unit(scene: Scene, length: ArrayLike) -> Array:
 def slip_with_spin(scene: Scene, slip: Array, spin: Array) -> Array:
     """Return the slip (n,) to be compared with the path [m/s].
 
-    slip: [m/s]; spin about the vertical [rad/s], which a rubber ball adds at its radius.
+    slip: of the shell at the contact [m/s]; spin: of the shell about the vertical [rad/s]. For a
+    rubber ball, the spin times the radius is added to the slip.
     """
     return slip + scene.ball.radius * np.abs(spin) if scene.rolling == "rubber" else slip
 
@@ -508,7 +517,8 @@ def slip_with_spin(scene: Scene, slip: Array, spin: Array) -> Array:
 def path_errors(motion: Motion, reference: Motion) -> Array:
     """Return the distances (n,) between the contact points at the motion's times [m].
 
-    The reference's times must include the motion's, here and below. Raises InputError if not.
+    Here and below, the reference's times must include all times of the motion; otherwise InputError
+    is raised.
     """
     return _distances(motion.contact_point, reference.contact_point[_shared(motion, reference)])
 
@@ -555,7 +565,7 @@ def _largest(angles: Callable[[Array, Array], Array], motion: Motion, reference:
 
 
 def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
-    # Usually all times are shared: a slice is a view and copies nothing.
+    # Usually the motions share all times. A slice then gives a view and copies nothing.
     first = slice(len(motion.times))
     if np.array_equal(reference.times[first], motion.times):
         return first
@@ -570,8 +580,8 @@ def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
 class Joined(Generic[_Record]):
     """Concatenate the parts of a motion, or of another record of arrays over time.
 
-    count: upper limit of the total number of samples. Arrays of that length are allocated once:
-    np.concatenate would hold all parts and the whole at the same time.
+    count: upper limit of the total number of samples. Arrays of this length are allocated once,
+    because np.concatenate would keep all parts and the whole in memory at the same time.
     """
 
     def __init__(self, count: int) -> None:
@@ -599,7 +609,7 @@ class Joined(Generic[_Record]):
 
 
 def joined(parts: Iterable[_Record], count: int) -> _Record:
-    """Concatenate consecutive parts, of which one at a time is in memory."""
+    """Concatenate consecutive parts, with only one part in memory at a time."""
     parts_so_far = Joined[_Record](count)
     for part in parts:
         parts_so_far.add(part)

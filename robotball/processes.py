@@ -2,9 +2,9 @@
 
 Compiled loops release the interpreter lock; Python code holds it.
 
-Each process has its own pipe to one thread of this process and shares nothing with the others. With
-a shared queue, as in concurrent.futures and pebble, a killed process may keep the queue's lock:
-after a few random kills all others would wait for it, or the whole pool would break.
+Each process has its own pipe to one thread of this process, and the processes share nothing. If
+they shared a queue, as in concurrent.futures and pebble, a killed process might keep the queue's
+lock. After a few random kills all other processes would wait for the lock, or the pool would break.
 """
 
 import fcntl
@@ -40,17 +40,17 @@ Queue: TypeAlias = "NDArray[np.int64]"
 _PAST_THE_END = 2**62  # a job number beyond any queue
 
 _most: ContextVar[int | None] = ContextVar("most", default=None)
-# Threads of numerical libraries would take the cores of the other processes.
+# The threads of numerical libraries would occupy the cores that other processes need.
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
-# Its server imports the work once and then starts a process within milliseconds.
+# The fork server imports the work once, and then starts each process within milliseconds.
 _FORKSERVER = multiprocessing.get_context("forkserver")
-_CHILDREN = threading.Lock()  # multiprocessing polls all processes when any thread starts one
+_CHILDREN = threading.Lock()  # when a thread starts a process, multiprocessing polls all processes
 _MAX_STARTS = 10  # attempts to start a process that is killed before it is ready
-_IDLE = 60.0  # s without a job until a process ends
+_IDLE = 60.0  # s; a process without a job for so long ends
 _GRACE = 1.0  # s for a process to end; then it is killed (compiled code writes no files)
-_LIMIT_PARTS = 20  # a limit is awaited in parts: if this process is suspended, one part is lost
+_LIMIT_PARTS = 20  # a time limit is awaited in parts: a suspension of this process costs one part
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -61,7 +61,7 @@ Answer: TypeAlias = tuple[Any, list[str]]  # the result of a job, and the texts 
 def at_most(count: int | None) -> Iterator[None]:
     """Limit the parallel threads or processes in the block; None allows one per core.
 
-    Results do not depend on the count, to the last digit. Raises InputError if it is below 1.
+    The count does not change any digit of the results. Raises InputError if it is below 1.
     """
     token = _most.set(None if count is None else check_count("threads", count, 1))
     try:
@@ -78,8 +78,9 @@ def allowed() -> int:
 def in_threads(work: Callable[[Queue], None], most: int) -> None:
     """Call `work` in at most `most` parallel threads, within the limit of `at_most`.
 
-    work: takes job numbers from the queue (1,), which holds the next one, until all are done, and
-    writes each result to its own location. It must release the interpreter lock to gain anything.
+    work: takes job numbers from the queue (1,), which holds the next number, until all jobs are
+    done, and writes each result to a separate location. Threads help only if `work` releases the
+    interpreter lock.
     """
     import numpy as np  # late: counting cores must not load it
 
@@ -111,11 +112,11 @@ def in_processes(
 ) -> Iterator[_Result]:
     """Yield the results of jobs in order, computed in as many processes as `at_most` allows.
 
-    work: a module-level function, a `partial` of one, or a callable object; it, the jobs and the
-    results must be picklable. It is called in this process if only one is allowed or there are
-    fewer jobs than `least`, because a process takes a second to start. Warnings and errors are
-    passed to the caller. The processes end with the iterator.
-    or_here: do jobs that cannot be pickled, such as users' functions, in this process.
+    work: a module-level function, a `partial` of such a function, or a callable object. The work,
+    the jobs and the results must be picklable. The work is done in this process if only one
+    process is allowed or if there are fewer jobs than `least`, because a process takes a second to
+    start. Warnings and errors are passed to the caller. The processes end with the iterator.
+    or_here: whether this process does jobs that cannot be pickled, such as users' functions.
     Raises ChildProcessError if a process dies.
     """
     count = min(allowed(), len(jobs))
@@ -125,7 +126,8 @@ def in_processes(
         return
     with pool(partial(_of_pickled, work) if pickled else work, count) as submit:
         waiting: Iterator[Any] = iter(pickled or jobs)
-        # Enough to keep every process busy; all results of a film's frames would fill the memory.
+        # Submit only enough jobs to keep every process busy: the images of a whole film would fill
+        # the memory.
         in_order = deque(submit(job) for job in islice(waiting, 2 * count))
         running = set(in_order)
         while running:
@@ -162,15 +164,16 @@ def _answer(future: futures.Future[Answer]) -> Answer:
 
 @contextmanager
 def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., futures.Future[Answer]]]:
-    """Start `count` workers and yield a function (job, limit [s]) that submits a job to one.
+    """Start `count` workers and yield a function (job, limit [s]) that submits a job to a worker.
 
-    It returns a future for the result of `Worker.answer`. The processes end with the block.
+    The function returns a future for the result of `Worker.answer`. The processes end with the
+    block.
     """
     workers = [Worker(work) for _ in range(count)]
     free = list(workers)
 
     def answer(job: Any, limit: float | None = None) -> Answer:
-        # There are as many threads as workers, so one is free.
+        # There are as many threads as workers, so a worker is free.
         worker = free.pop()
         try:
             return worker.answer(job, limit)
@@ -191,10 +194,10 @@ def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., futur
 
 
 class EndedError(Exception):
-    """A process ended before its job did.
+    """A process ended before its job was done.
 
-    status: exit status, or minus the signal number if it was killed; None if it was ended because
-    the job exceeded its time limit.
+    status: exit status, or minus the signal number if the process was killed; None if the process
+    was ended because the job exceeded its time limit.
     """
 
     def __init__(self, status: int | None) -> None:
@@ -203,7 +206,7 @@ class EndedError(Exception):
 
 
 class Worker:
-    """A process that does jobs for one thread. It starts on first use and restarts if it died.
+    """A process that does jobs for one thread. It starts on first use and restarts after it died.
 
     work: a picklable function.
     """
@@ -236,15 +239,18 @@ class Worker:
         return result, lines
 
     def stop(self) -> None:
-        """Terminate the process soon and start no other. Any thread may call this."""
+        """Terminate the process soon, and start no other process. Any thread may call this."""
         with _CHILDREN:
-            # Under the lock, so that a process being started now is not missed.
+            # The lock ensures that a process that is just being started is not missed.
             self._closed = True
             if (process := self._process) is not None:
                 process.terminate()
 
     def end(self, late: float = 0.0) -> int:
-        """Return the exit status of the process; kill it if it runs past monotonic time `late`."""
+        """Return the exit status of the process. Kill it if it still runs at `late`.
+
+        late: a time of the monotonic clock [s].
+        """
         process, self._process = self._process, None
         if process is None:
             return 0
@@ -258,7 +264,7 @@ class Worker:
         for _ in range(_MAX_STARTS):
             self.end()
             self._pipe, theirs = _FORKSERVER.Pipe()
-            # A daemon: otherwise Python would wait for it at exit.
+            # The process is a daemon, otherwise Python would wait for it at exit.
             process = _FORKSERVER.Process(target=_serve, args=(theirs, self._work), daemon=True)
             with suppress(OSError, EOFError):
                 with theirs, _CHILDREN:
@@ -283,10 +289,11 @@ class Worker:
 
 
 def _start_server(modules: Iterable[str]) -> None:
-    """Start the fork server, with modules imported, unless it runs.
+    """Start the fork server, with modules imported, unless it is running.
 
-    Its processes use one thread per library. They inherit its signal mask, which blocks SIGINT and
-    SIGHUP, so this process alone handles Ctrl-C and a closed terminal.
+    The processes of the server use one thread per numerical library. They inherit the server's
+    signal mask, which blocks SIGINT and SIGHUP, so only this process handles Ctrl-C and a closed
+    terminal.
     """
     # The server imports modules of the current folder only if this process would.
     ours = any(path.exists() and path.samefile(os.curdir) for path in map(Path, sys.path))
@@ -295,7 +302,7 @@ def _start_server(modules: Iterable[str]) -> None:
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     os.environ.update(added)
     try:
-        resource_tracker.ensure_running()  # its start would unblock SIGINT
+        resource_tracker.ensure_running()  # if it started later, it would unblock SIGINT
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
         # __main__ too, because the work may be a function of the caller's script.
         _FORKSERVER.set_forkserver_preload(["__main__", *modules, __name__])
@@ -336,7 +343,7 @@ def answered(work: Callable[[Any], Any], job: Any) -> tuple[Any, BaseException |
     """Return (result, error, warning texts) of a job; the result or the error is None."""
     result, error = None, None
     with warnings.catch_warnings(record=True) as caught:
-        # Record all warnings: they are issued again for the caller, whose filter applies.
+        # Record all warnings. They are issued again for the caller, whose filters then apply.
         warnings.simplefilter("always", SceneWarning)
         try:
             result = work(job)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from robotball.errors import InputError
 
-# Numbers, columns, or any other type with + - *.
+# A component may be a number, a column, or any other type with + - *.
 Quaternion = tuple[Any, Any, Any, Any]
 _Vector = tuple[Any, Any, Any]
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
 
 
 def unit_space_axes(q: Quaternion) -> tuple[_Vector, _Vector, _Vector]:
-    """Return α, β, γ of a unit quaternion; of any other, times the square of its length."""
+    """Return α, β, γ of a quaternion, multiplied by the square of the quaternion's length."""
     w, x, y, z = q
     ww, xx, yy, zz = w * w, x * x, y * y, z * z
     return (
@@ -63,7 +63,7 @@ def conjugate(q: Array) -> Array:
 
 
 def turned(q: Array, turn: Array) -> Array:
-    """Return q (..., 4) followed by rotation vectors `turn` (..., 3) in frame axes [rad]."""
+    """Return q (..., 4) after further rotations by vectors `turn` (..., 3) in frame axes [rad]."""
     half = np.linalg.norm(turn, axis=-1, keepdims=True) / 2
     rotation = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * turn], axis=-1)
     return multiply(q, rotation)
@@ -90,7 +90,7 @@ def rotation_matrix(q: Array) -> Array:
 
 def from_matrix(R: Array) -> Array:
     """Return the unit quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3)."""
-    # The rows of 4 q qᵀ are multiples of q. The longest loses no digits.
+    # The rows of 4 q qᵀ are multiples of q. The longest row loses no digits.
     diagonal = np.diagonal(R, axis1=-2, axis2=-1)
     trace = diagonal.sum(axis=-1, keepdims=True)
     rows = np.empty((*R.shape[:-2], 4, 4))
@@ -101,7 +101,7 @@ def from_matrix(R: Array) -> Array:
     rows[..., range(4), range(4)] = squares
     longest = squares.argmax(axis=-1)[..., None, None]
     q = _unit(np.take_along_axis(rows, longest, axis=-2)[..., 0, :])
-    # Canonical, so that equal rotations have equal numbers: q and -q are the same rotation.
+    # q and -q are the same rotation. w >= 0 makes equal rotations have equal numbers.
     first = np.take_along_axis(q, (q != 0).argmax(axis=-1)[..., None], axis=-1)
     return np.where(first < 0, -q, q)
 
@@ -132,8 +132,8 @@ def z_along(axis: Array) -> Array:
 
 def normalised(v: Array) -> Array:
     """Return `v` (n,) scaled to unit length."""
-    # A vector of unit length within rounding is returned unchanged: otherwise an initial state that
-    # is written to a file and read again would drift by one bit each time.
+    # A vector that has unit length within rounding is returned unchanged. Otherwise an initial
+    # state would change by one bit each time that it is written to a file and read again.
     length = np.linalg.norm(v)
     return v if abs(length - 1) <= 1e-15 else v / length
 
@@ -156,7 +156,7 @@ def _components(q: Array) -> Quaternion:
 
 
 def uneven(end: float, gap: float) -> Array:
-    """Return increasing, aperiodic times (n,) from 0 to `end`, at most `gap` apart [s]."""
+    """Return increasing times (n,) at uneven intervals of at most `gap`, from 0 to `end` [s]."""
     count = np.ceil(1.5 * end / gap)
     k = np.arange(count + 1)
     # The fractional parts of k² times an irrational number never repeat (Weyl).
@@ -164,7 +164,10 @@ def uneven(end: float, gap: float) -> Array:
 
 
 def continuous(attitude: Array) -> Array:
-    """Return quaternions (n, 4) with signs chosen so that neighbours do not jump (q ~ -q)."""
+    """Return quaternions (n, 4) with signs changed so that neighbours do not jump.
+
+    q and -q are the same rotation.
+    """
     cosines = (attitude[1:] * attitude[:-1]).sum(axis=1)
     signs = np.cumprod(np.concatenate([[1.0], np.where(cosines < 0, -1.0, 1.0)]))
     return attitude * signs[:, None]

@@ -1,4 +1,4 @@
-"""The bodies and hinges of a ball, and the numbers of the equations that follow from them."""
+"""The bodies and hinges of a ball, and the parameters of the equations that follow from them."""
 
 import itertools
 import math
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from robotball.robot.drives import Rate
     from robotball.robot.motors import Motor
 
-# Hand-written MJCF of the floor and of the bodies: inside the package in a wheel, beside it in a
-# checkout.
+# The folder mjcf/ has hand-written MJCF of the floor and of the bodies. In a wheel it is inside the
+# package, in a checkout beside the package.
 _INSIDE, _BESIDE = (folder / "mjcf" for folder in Path(__file__).parents[1:3])
 PARTS = _INSIDE if _INSIDE.is_dir() else _BESIDE
-# Relative to the largest entry: a computed tensor has rounding errors of 1e-16, a wrong one misses
-# a condition by far more.
+# Tolerance relative to the largest entry. A computed tensor has rounding errors of 1e-16; a wrong
+# tensor violates a condition by far more.
 ROUNDING = 1e-12
 SYMMETRIC = 1e-9  # the same for a composed body, whose entries are sums over its parts
 _LARGEST_MOMENT = LARGEST**3  # kg m², a mass times a length squared; the least is its inverse
@@ -31,7 +31,7 @@ _SHAPES = {"inertia": (3, 3), "asymmetry": (3, 3), "attitude": (4,)}  # other ar
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a view of an array through which it cannot be written."""
+    """Return a read-only view of an array."""
     view = array.view()
     view.flags.writeable = False
     return view
@@ -48,10 +48,10 @@ def cached_array(compute: Callable[[Any], Array]) -> "cached_property[Array]":
 
 
 class Value:
-    """Base of dataclasses with arrays, which are read-only.
+    """Base of dataclasses with arrays. The arrays are read-only.
 
-    Records of one type are equal if their compared fields are; NaN equals NaN in arrays. Records
-    cannot be hashed, because arrays cannot.
+    Two records of one type are equal if all their compared fields are equal. NaN equals NaN in
+    arrays. Records cannot be hashed, because arrays cannot be hashed.
     """
 
     def __post_init__(self) -> None:
@@ -68,7 +68,7 @@ class Value:
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        # Set on each class: the __eq__ that a dataclass generates fails on arrays.
+        # Set on each class, because the __eq__ that a dataclass generates fails on arrays.
         cls.__eq__ = _equal  # type: ignore[method-assign]
 
 
@@ -80,7 +80,7 @@ def _equal(one: Any, other: Any) -> Any:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Return whether two values are equal; arrays, also in tuples, are compared by number."""
+    """Return whether two values are equal. Arrays, even within tuples, are compared by element."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         one, other = np.asarray(one), np.asarray(other)
         return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
@@ -88,12 +88,12 @@ def _same(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(_same, one, other))
     try:
         return bool(one == other)
-    except ValueError:  # a user's own record with an array has no single truth value
+    except ValueError:  # comparing a user's record that has an array gives no single truth value
         return one is other
 
 
 class UserValue(Value):
-    """Base of records that users make: lists and tuples of numbers are converted to arrays.
+    """Base of records that users make. Lists and tuples of numbers are converted to arrays.
 
     Raises InputError if a value cannot be converted to an array of its field's shape.
     """
@@ -113,8 +113,8 @@ def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
 def shell_inertia(radius: float, mass: float, thickness: float = 0.0) -> float:
     """Return the moment of a homogeneous spherical shell about a diameter [kg m²].
 
-    2/5 m (a⁵ - b⁵)/(a³ - b³) with b = a - thickness; 2/3 m a² if the thickness is 0. Raises
-    InputError for a negative thickness or one above the radius.
+    It is 2/5 m (a⁵ - b⁵)/(a³ - b³) with b = a - thickness, and 2/3 m a² if the thickness is 0.
+    Raises InputError if the thickness is negative or larger than the radius.
     """
     if not 0 <= thickness <= radius:
         line = f"a shell's thickness must be from 0 to its radius {radius:g}, not {thickness:g} m"
@@ -122,13 +122,14 @@ def shell_inertia(radius: float, mass: float, thickness: float = 0.0) -> float:
     if thickness == 0:
         return 2 / 3 * mass * radius * radius
     b = 1 - thickness / radius
-    # (1 - b⁵)/(1 - b³), both divided by 1 - b, because their digits cancel for a thin shell.
+    # Numerator and denominator of (1 - b⁵)/(1 - b³) are divided by 1 - b, because for a thin shell
+    # the differences would lose digits.
     ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
     return 2 / 5 * mass * radius * radius * ratio
 
 
 def wall_volume(radius: float, thickness: float) -> float:
-    """Return the volume of a spherical wall inside a radius [m³]."""
+    """Return the volume of a spherical wall with an outer radius and a thickness [m³]."""
     b = 1 - thickness / radius
     return 4 / 3 * math.pi * radius**2 * thickness * (1 + b + b * b)
 
@@ -145,7 +146,7 @@ class Solid:
     inertia : (3, 3), kg m²
         Inertia about the centre of mass.
     reach : float, m
-        Largest distance of its matter from the sphere's centre; 0 if unknown.
+        Largest distance of the solid's matter from the sphere's centre; 0 if unknown.
     shapes : tuple of Shape
         Shapes for pictures.
     """
@@ -157,7 +158,7 @@ class Solid:
     shapes: tuple[Any, ...] = ()
 
     def check_within(self, name: str, radius: float) -> None:
-        """Raise InputError if the solid reaches beyond a shell."""
+        """Raise InputError if the solid extends beyond a shell of this radius [m]."""
         if self.reach > radius * (1 + SYMMETRIC):
             beyond = f"{self.reach:.6g} m from the sphere's centre, but the radius is {radius:g} m"
             raise InputError(f"{name} reaches {beyond}; make the body smaller, or move it")
@@ -165,7 +166,8 @@ class Solid:
     def moments_about(self, name: str, axis: Array, otherwise: str) -> tuple[float, float]:
         """Return the axial and transverse moments [kg m²] about an axis (3,).
 
-        Raises InputError if the solid is not symmetric; otherwise: the body that it could be.
+        Raises InputError if the solid is not symmetric. otherwise: the kind of body that the
+        message suggests in that case.
         """
         axial = float(axis @ self.inertia @ axis)
         transverse = float(np.trace(self.inertia) - axial) / 2
@@ -174,7 +176,7 @@ class Solid:
         if off > SYMMETRIC * largest:
             fault = f"its inertia of {largest:.6g} kg m² is off by {off:.6g} kg m²"
             raise InputError(f"{name} is not symmetric about its axis: {fault}; use a {otherwise}")
-        # The moments of a disc are 2 to 1, except for rounding, and a Rotor takes no larger ratio.
+        # The moments of a disc have the ratio 2, up to rounding; a Rotor accepts no larger ratio.
         if axial < 2 * transverse * (1 + SYMMETRIC):
             axial = min(axial, 2 * transverse)
         return axial, transverse
@@ -198,32 +200,32 @@ def inertia_about(point: Array, body: "Solid | Body") -> Array:
 
 @dataclass(frozen=True)
 class _ShapedBody(UserValue):
-    """A body, with the shapes (`robotball.robot.shapes.Shape`) [m] that pictures show."""
+    """A body with the shapes (`robotball.robot.shapes.Shape`) that pictures show [m]."""
 
     shapes: tuple[Any, ...] = field(default=(), compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True)
 class Shell(_ShapedBody):
-    """Describe the sphere that rolls. The frame turns about its axis.
+    """Describe the shell, the sphere that rolls. The frame turns about the shell's axis.
 
     Parameters
     ----------
     radius : float
         Radius a, m.
     mass : float
-        kg.
+        Mass, kg.
     axial_inertia, transverse_inertia : float
-        Moments about the axis and about a line across it, through the shell's centre of mass,
-        kg m².
+        Moments of inertia about the axis and about a perpendicular line, both through the shell's
+        centre of mass, kg m².
     axis : array (3,)
-        Unit vector, frame axes.
+        Unit vector of the axis, in frame axes.
     offset : float, optional
-        σ, position of the centre of mass along the axis, from the sphere's centre, m.
+        σ, the position of the centre of mass on the axis, measured from the sphere's centre, m.
     asymmetry : array (3, 3), optional
-        Tensor added to the inertia of a shell that is not symmetric, kg m².
+        For a shell that is not symmetric: a tensor that is added to the inertia, kg m².
     aside : array (3,), optional
-        Vector added to the centre of mass of such a shell, m.
+        For a shell that is not symmetric: a vector that is added to the centre of mass, m.
 
     Examples
     --------
@@ -257,16 +259,16 @@ class Shell(_ShapedBody):
 class Frame(_ShapedBody):
     """Describe the body that turns inside the shell and carries rotors and pendulums.
 
-    Its hinge lies along the shell's axis, through the sphere's centre.
+    The frame's hinge lies along the shell's axis, through the sphere's centre.
 
     Parameters
     ----------
     mass : float
-        kg.
+        Mass, kg.
     inertia : array (3, 3)
-        About the frame's centre of mass, frame axes, kg m².
+        Inertia about the frame's centre of mass, in frame axes, kg m².
     centre : array (3,), optional
-        Centre of mass, from the sphere's centre, m.
+        Centre of mass, measured from the sphere's centre, m.
 
     Examples
     --------
@@ -284,19 +286,19 @@ class Frame(_ShapedBody):
 
 @dataclass(frozen=True)
 class Rotor(_ShapedBody):
-    """Describe a symmetric body that turns on the frame about its symmetry axis.
+    """Describe a body that the frame carries and that turns about its own symmetry axis.
 
     Parameters
     ----------
     mass : float
-        kg.
+        Mass, kg.
     axial_inertia, transverse_inertia : float
-        Moments about the axis and about a line across it, through the rotor's centre of mass,
-        kg m².
+        Moments of inertia about the axis and about a perpendicular line, both through the rotor's
+        centre of mass, kg m².
     axis : array (3,)
-        Unit vector, frame axes.
+        Unit vector of the axis, in frame axes.
     centre : array (3,), optional
-        Centre of mass, from the sphere's centre, m.
+        Centre of mass, measured from the sphere's centre, m.
 
     Examples
     --------
@@ -320,20 +322,20 @@ class Rotor(_ShapedBody):
 
 @dataclass(frozen=True)
 class Pendulum(_ShapedBody):
-    """Describe any body on a hinge of the frame, at hinge angle 0.
+    """Describe a body of any shape on a hinge of the frame. Values are those at hinge angle 0.
 
     Parameters
     ----------
     mass : float
-        kg.
+        Mass, kg.
     inertia : array (3, 3)
-        About the pendulum's centre of mass, frame axes, kg m².
+        Inertia about the pendulum's centre of mass, in frame axes, kg m².
     centre : array (3,)
-        Centre of mass, from the sphere's centre, m.
+        Centre of mass, measured from the sphere's centre, m.
     axis : array (3,)
-        Unit vector of the hinge, frame axes.
+        Unit vector of the hinge's axis, in frame axes.
     pivot : array (3,), optional
-        A point of the hinge's axis, from the sphere's centre, m.
+        A point on the hinge's axis, measured from the sphere's centre, m.
 
     Examples
     --------
@@ -353,29 +355,29 @@ class Pendulum(_ShapedBody):
 
 @dataclass(frozen=True)
 class Link(_ShapedBody):
-    """Describe any body of a tree with its joint, at joint angles 0.
+    """Describe one body of a tree and its joint. Values are those with all joint angles 0.
 
     Parameters
     ----------
     name : str
         Name of the body.
     parent : str
-        Name of the body that it is joined to; "" for the shell, which has no joint.
+        Name of the body to which the joint connects this one; "" for the shell, which has no joint.
     mass : float
-        kg.
+        Mass, kg.
     inertia : array (3, 3)
-        About the link's centre of mass, frame axes, kg m².
+        Inertia about the link's centre of mass, in frame axes, kg m².
     centre : array (3,)
-        Centre of mass, from the sphere's centre, m.
+        Centre of mass, measured from the sphere's centre, m.
     axis : array (3,)
-        Unit vector of the joint, frame axes.
+        Unit vector of the joint's axis, in frame axes.
     pivot : array (3,), optional
-        A point of the hinge's axis, from the sphere's centre, m.
+        A point on the joint's axis, measured from the sphere's centre, m.
     slides : bool, optional
         True for a joint that moves the body along the axis instead of turning it.
     range : tuple of (str, float, float), optional
-        Name, least and largest angle of a joint that has limits, rad or m. The equations end a
-        motion at a limit; engines ignore it.
+        For a joint with limits: its name, its least angle and its largest angle, rad, or m for a
+        slide. The equations end a motion at a limit; other engines ignore the limits.
 
     Examples
     --------
@@ -398,7 +400,7 @@ class Link(_ShapedBody):
 
     @property
     def massless(self) -> bool:
-        """True for a link between two joints of one body."""
+        """True for a link without mass, which connects two joints of the same body."""
         return self.mass == 0 and not self.inertia.any()
 
 
@@ -413,18 +415,20 @@ class Hinge(Value):
     Parameters
     ----------
     body : Frame, Rotor, Pendulum or Link
-        A frame turns relative to the shell, rotors and pendulums relative to the frame, a link
-        relative to its parent.
+        The body that turns. A frame turns relative to the shell, a rotor or pendulum relative to
+        the frame, and a link relative to its parent.
     command : float, Drive, Custom or callable, optional
         Command of the motor as a function of time: a rate (rad/s), an angle (rad) or a torque
-        (N m). Without a motor it is the rate, which the hinge keeps exactly. Slides take m and N.
+        (N m); for a slide m/s, m or N. Without a motor, the command is the rate of the hinge, which
+        keeps this rate exactly.
     motor : Motor, optional
         Motor that applies a torque to the hinge.
     angle : float, optional
         Initial angle, rad; m for a slide.
     rate : float, optional
-        Initial rate, rad/s; m/s for a slide. If None, the commanded rate, or 0 if the command is
-        not a rate. A hinge without a motor always starts at its commanded rate.
+        Initial rate, rad/s; m/s for a slide. If None, the hinge starts at the commanded rate, or at
+        rest if the command is not a rate. A hinge without a motor always starts at its commanded
+        rate.
 
     Raises
     ------
@@ -450,7 +454,7 @@ class Hinge(Value):
         check_size("a hinge's initial angle", self.angle, "rad")
         if self.rate is not None:
             check_size("a hinge's initial rate", self.rate, "rad/s")
-        if self.motor is None:  # the rate has no effect, so hinges with different ones are equal
+        if self.motor is None:  # the rate has no effect, so hinges that differ in it are equal
             self._set(rate=None)
 
 
@@ -459,22 +463,23 @@ class Ball(Value):
     """Assemble a ball from a shell and the hinges that carry the other bodies.
 
     Vectors are in frame axes, which need not be principal axes, or in the shell's axes if the ball
-    has no frame. The reduced equations need a balanced ball, with its centre of mass at the centre
-    of the sphere, and only a frame and rotors. Numbers that depend on joint angles are those at
-    angle 0.
+    has no frame. The reduced equations need a balanced ball (its centre of mass is at the sphere's
+    centre) whose only hinges are those of the frame and of rotors. Properties that depend on joint
+    angles have their values at angle 0.
 
     Parameters
     ----------
     shell : Shell
         The sphere that rolls.
     hinges : tuple of Hinge
-        The frame's hinge first, if there is a frame, and a link's hinge after its
-        parent's hinge. Motions list hinge angles and rates in this order.
+        The hinges. The frame's hinge comes first, if there is a frame, and a link's hinge comes
+        after the hinge of its parent. Motions list hinge angles and rates in this order.
 
     Raises
     ------
     InputError
-        If the bodies do not make a tree, or if no rigid body can have the numbers of one of them.
+        If the bodies do not form a tree, or if a body has a mass and inertia that no rigid body can
+        have.
 
     Examples
     --------
@@ -495,8 +500,8 @@ class Ball(Value):
         self._check_tree()
         for name, body in self.named_bodies:
             _check_body(name, body)
-        # The sum can fail although each body passes: in rotated axes rounding can exceed the least
-        # moment of a needle.
+        # The sum can fail although each body passes: in rotated axes, a rounding error can exceed
+        # the least moment of a needle.
         _check_inertia("the ball", self.inertia)
 
     def _check_tree(self) -> None:
@@ -516,23 +521,23 @@ class Ball(Value):
                 raise InputError(f"{name} is joined to {body.parent!r}, but {before}")
 
     def with_hinges(self, **given: "Mapping[str, Any] | Sequence[Any] | Array") -> "Ball":
-        """Return the ball with other bodies, commands, motors, angles or rates of its hinges.
+        """Return a copy of the ball with new values for fields of its hinges.
 
         Parameters
         ----------
         **given
-            Values by the name of a field of `Hinge`: a mapping from names of bodies to new values,
-            or one value per hinge, in order.
+            New values for a field of `Hinge`, such as `command={"frame": 2.0}`: a mapping from
+            names of bodies to values, or a sequence with one value per hinge.
 
         Returns
         -------
         Ball
-            Hinges that are not named keep their values.
+            The new ball. Hinges that are not named keep their values.
 
         Raises
         ------
         InputError
-            If no body has such a name, or there is not one value per hinge.
+            If there is no body with a given name, or a sequence does not have one value per hinge.
         """
         changes: dict[str, dict[str, Any]] = {link.name: {} for link in self.tree[1:]}
         for key, values in given.items():
@@ -554,7 +559,7 @@ class Ball(Value):
 
     @property
     def frame(self) -> Frame:
-        """The frame of a ball with `has_frame`."""
+        """The frame. The ball must have one, see `has_frame`."""
         return next(hinge.body for hinge in self.hinges if isinstance(hinge.body, Frame))
 
     @property
@@ -571,13 +576,13 @@ class Ball(Value):
 
     @property
     def general(self) -> bool:
-        """True with links or an asymmetric shell, which the paper does not describe."""
+        """True if the ball has links or an asymmetric shell, which the paper does not describe."""
         shell = self.shell
         return bool(self.links or shell.asymmetry.any() or shell.aside.any()) or not self.has_frame
 
     @cached_property
     def named_bodies(self) -> tuple[tuple[str, Body], ...]:
-        """(name, body) of the shell and of every hinge's body, with the names of engines."""
+        """(name, body) of the shell and of every hinge's body; engines use these names."""
         counts = {Rotor: itertools.count(1), Pendulum: itertools.count(1)}
         named: list[tuple[str, Body]] = [("shell", self.shell)]
         for body in (hinge.body for hinge in self.hinges):
@@ -592,7 +597,7 @@ class Ball(Value):
     def tree(self) -> tuple[Link, ...]:
         """All bodies as links, the shell first and parents before their children.
 
-        The shell has no joint; its link has the axis of the frame's joint.
+        The shell has no joint; the axis of its link is that of the frame's joint.
         """
         return tuple(self._link(name, body) for name, body in self.named_bodies)
 
@@ -615,12 +620,12 @@ class Ball(Value):
 
     @cached_property
     def d(self) -> float:
-        """M a² [kg m²]: the moment of the ball's mass about the contact point."""
+        """d = m a² [kg m²], with the ball's mass m and radius a."""
         return self.mass * self.radius**2
 
     @cached_array
     def inertia(self) -> Array:
-        """The whole ball's inertia (3, 3) about the sphere's centre, frame axes [kg m²]."""
+        """The inertia (3, 3) of the whole ball about the sphere's centre, frame axes [kg m²]."""
         about_centre = [inertia_about(np.zeros(3), body) for _, body in self.named_bodies]
         return np.array(about_centre).sum(axis=0)
 
@@ -637,7 +642,8 @@ class Ball(Value):
         The axes of a diagonal inertia keep their order, which eigh would change.
         """
         moments = np.diag(self.inertia)
-        # Rounding: a sum of diagonal tensors, some of them rotated, is not exactly diagonal.
+        # Because of rounding, a sum of diagonal tensors, some of them rotated, is not exactly
+        # diagonal.
         if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
             return moments, read_only(np.eye(3))
         moments, axes = np.linalg.eigh(self.inertia)
@@ -670,12 +676,12 @@ def imbalance(ball: Ball) -> str | None:
 def beyond_the_shell(ball: Ball) -> list[str]:
     """Return a message for each body that needs mass outside the sphere.
 
-    Mass within the radius a has tr(I)/2 = Σ m r² <= m a² about the centre of the sphere. A pendulum
-    is tested at its worst angle.
+    If all mass of a body is within the radius a, then tr(I)/2 = Σ m r² <= m a² about the sphere's
+    centre. A pendulum is tested at its worst angle.
     """
     messages = []
     for name, body in ball.named_bodies:
-        # The mean square distance of its mass from its centre of mass; links may be massless.
+        # The mean square distance of a body's mass from its centre of mass. Links may be massless.
         spread = float(np.trace(body.inertia)) / 2 / (body.mass or 1.0)
         reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
@@ -688,8 +694,8 @@ def _furthest(body: Body) -> float:
     """Return the largest distance [m] of the centre of mass from the sphere's centre."""
     if not isinstance(body, Pendulum):  # the position of a link depends on all its parents
         return float(np.linalg.norm(body.centre))
-    # The centre moves on a circle about the axis. The circle's radius and the distance of the axis
-    # add up, because at the worst angle they have the same direction.
+    # The centre of mass moves on a circle about the axis. At the worst angle, the circle's radius
+    # points away from the sphere's centre, so the radius and the axis's distance add up.
     n, arm = body.axis, body.centre - body.pivot
     height = float(n @ body.centre)
     circle = float(np.linalg.norm(np.cross(n, arm)))
@@ -713,7 +719,7 @@ def _check_body(name: str, body: Body) -> None:
     if isinstance(body, Shell | Rotor):
         _check_entries(name, np.array([body.axial_inertia, body.transverse_inertia]))
     if isinstance(body, Rotor):
-        # The triangle inequality for two equal moments, in the numbers that the user gave.
+        # The triangle inequality for two equal moments, with the numbers that the user gave.
         axial, transverse = body.axial_inertia, body.transverse_inertia
         if not axial <= 2 * transverse * (1 + ROUNDING):
             excess = f"{axial:.6g} > 2 * {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"

@@ -1,6 +1,6 @@
-"""Controllers: commands computed from sensor readings, and held until the next call.
+"""Controllers, which compute commands from sensor readings and hold them until the next call.
 
-`robotball.robot.loop` calls them.
+`robotball.robot.loop` calls the controllers.
 """
 
 import math
@@ -13,8 +13,8 @@ from robotball.errors import InputError, check_not_negative, check_positive, che
 from robotball.robot.ball import Value
 from robotball.rotations import Array
 
-_MOST_CALLS = 1e6  # in a run: 30 s of work of an empty controller
-_TOGETHER = 1e-9  # of a period: events at a smaller distance are simultaneous
+_MOST_CALLS = 1e6  # in a run; they take 30 s, even if the controller does nothing
+_TOGETHER = 1e-9  # of a period: events that are closer in time are simultaneous
 # Units of the noise by sensor; the contact point is optional.
 _ALWAYS_READ = {"gyro": "rad/s", "attitude": "rad", "angles": "rad", "rates": "rad/s"}
 SENSORS = {**_ALWAYS_READ, "contact_point": "m"}
@@ -22,7 +22,7 @@ SENSORS = {**_ALWAYS_READ, "contact_point": "m"}
 
 @dataclass(frozen=True)
 class Reading(Value):
-    """Hold the sensor readings of a robot at a time.
+    """Hold the sensor readings of a robot at one time.
 
     Attributes
     ----------
@@ -58,21 +58,21 @@ class Reading(Value):
 class Sensors:
     """Select the sensors of a controller, with their noise, resolution and latency.
 
-    Sensors are gyro, attitude, angles, rates and contact_point, see `Reading`.
+    The sensors are gyro, attitude, angles, rates and contact_point; `Reading` describes them.
 
     Parameters
     ----------
     noise : mapping of str to float, optional
-        Standard deviation of each number of a sensor. For the attitude, of a rotation about each
-        axis, rad.
+        Standard deviation of the noise by sensor, the same for each number of the sensor. The
+        noise of the attitude is a rotation about each axis, rad.
     resolution : mapping of str to float, optional
         Step to which the numbers of a sensor are rounded. The attitude cannot be rounded.
     latency : float, optional
-        Age of the readings, s. Until the motion has lasted as long, the initial state is read.
+        Age of the readings, s. Before t = latency, the sensors read the initial state.
     contact_point : bool, optional
         True to read the contact point.
     seed : int, optional
-        Seed of the noise, which is the same in every run of every engine.
+        Seed of the noise. The noise is the same in every run and with every engine.
 
     Raises
     ------
@@ -112,16 +112,16 @@ class Controller:
     Parameters
     ----------
     function : callable
-        Called with a `Reading`. Returns commands by the names of hinges with a motor and of
-        actuators, in the motor's unit. Omitted names keep their command. An object with a state is
-        copied for each run.
+        Called with a `Reading`. Returns a mapping of names to commands, in the unit of the motor.
+        A name is that of a hinge with a motor or of an actuator; if it is omitted, the command
+        stays the same. A callable object with a state is copied for each run.
     period : float
         Time between two calls, s. The first call is at t = 0.
     delay : float, optional
-        Time from a call until its commands take effect, s. Before that, motors have the commands of
-        their scene.
+        Time from a call until its commands take effect, s. Until the first commands take effect,
+        the motors have the commands of the scene.
     sensors : Sensors, optional
-        Sensors with their errors.
+        Sensors, with their noise, resolution and latency.
 
     Raises
     ------
@@ -151,11 +151,11 @@ class Controller:
 
     @property
     def together(self) -> float:
-        """Two events within this time [s] are simultaneous."""
+        """Time [s] within which two events are simultaneous."""
         return _TOGETHER * self.period
 
     def stops(self, end: float) -> list[float]:
-        """Return the times after 0 of measurements, calls and commands in a run to `end` [s].
+        """Return the times of measurements, calls and commands after 0 in a run to `end` [s].
 
         Raises InputError if there are too many calls.
         """

@@ -1,13 +1,13 @@
 """Drives: commands of hinges as functions of time.
 
-A drive has a value, a derivative and an integral: a number, Ramp, Sine, Samples, Sum, or a user's
-function (Custom), for which polynomials give the derivative and the integral. It is smooth between
-its breakpoints and continuous at them, and every integration stops there. Times are scalars or
-increasing columns, in s from the start of the motion; SI units.
+A drive has a value, a derivative and an integral. It is a number, a Ramp, a Sine, Samples, a Sum,
+or a user's function (Custom), for which polynomials give the derivative and the integral. A drive
+is smooth between its breakpoints and continuous at them; every integration stops at breakpoints.
+Times are scalars or increasing columns, in s from the start of the motion. All units are SI units.
 
-A hinge without a motor keeps the drive as its rate [rad/s] exactly; for a motor it is a command,
-see `motors`. `function_drives` approximates users' functions. `sampling_error` is the error of a
-time step in sampling drives.
+For a hinge without a motor, the drive is the hinge's rate [rad/s], which the hinge keeps exactly.
+For a motor, the drive is a command, see `motors`. `function_drives` approximates users' functions.
+`sampling_error` is the error that a time step causes by sampling drives.
 """
 
 import itertools
@@ -25,7 +25,7 @@ from robotball.rotations import uneven
 
 _Time = Any  # a float, or a column (n,)
 COMMAND = "of the command"  # unit of a key that has the unit of its command
-_LOOKS = 256  # steps tested over a run, and as many on each side of breakpoints
+_LOOKS = 256  # steps that are tested over a run, and as many again on each side of breakpoints
 Rule = tuple[Sequence[float], Sequence[float]]
 """The nodes and weights of a quadrature rule, as parts of a step."""
 SIMPSON: Rule = ((0.0, 0.5, 1.0), (1 / 6, 4 / 6, 1 / 6))
@@ -34,10 +34,10 @@ _NO_STEP = 1e-9  # s: a drive that needs shorter steps is not a function of time
 
 @runtime_checkable
 class Drive(Protocol):
-    """Give the rate of a hinge over time.
+    """Give the rate of a hinge as a function of time.
 
-    Any object with these members can be a rate of a scene, or the command of a motor. The
-    acceleration and the angle of a user's object are computed from its rate.
+    Any object with these members can be used as a rate in a scene, or as the command of a motor.
+    For a user's object, robotball computes the acceleration and the angle from `rate`.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Drive(Protocol):
         ...
 
     def acceleration(self, t: _Time) -> Any:
-        """Return the derivative of the rate [rad/s²]; at a breakpoint, the one from there on."""
+        """Return the derivative of the rate [rad/s²]; at a breakpoint, the derivative after it."""
         ...
 
     def angle(self, t: _Time) -> Any:
@@ -100,10 +100,10 @@ def key(meaning: str, unit: str = "") -> msgspec.Meta:
 
 
 class _Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
-    """A drive that a scene file can describe, by a table with the key `kind`."""
+    """A drive that a scene file can describe, with a table that has the key `kind`."""
 
 
-# By shape of a ramp, functions of the fraction u of its time: value, slope and integral over u.
+# For each shape of a ramp: value, slope and integral as functions of the fraction u of its time.
 _SHAPES: dict[str, tuple[Callable[[Any], Any], ...]] = {
     "linear": (lambda u: u, lambda u: 1.0, lambda u: u * u / 2),
     "smooth": (
@@ -122,22 +122,22 @@ _SHAPES: dict[str, tuple[Callable[[Any], Any], ...]] = {
 class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
     """Change a rate from `initial` to `final` between two times.
 
-    At the fraction u of its time, a linear ramp has covered the fraction u of the change, a smooth
-    one 3u² - 2u³ and a quintic one 10u³ - 15u⁴ + 6u⁵. The acceleration of smooth and quintic ramps
-    and the jerk of quintic ramps are continuous.
+    Let u go from 0 at `start` to 1 at `end`. At u, a linear ramp has made the fraction u of the
+    change, a smooth ramp 3u² - 2u³, and a quintic ramp 10u³ - 15u⁴ + 6u⁵. Smooth and quintic ramps
+    have a continuous acceleration, quintic ramps also a continuous jerk.
 
     Attributes
     ----------
     final : float, rad/s
-        The rate from `end` on. For a hinge with a motor, it has the unit of the command.
+        The rate from `end` on. For a hinge with a motor, `final` has the unit of the command.
     end : float, s
         The time at which the ramp ends.
     initial : float, rad/s
-        The rate until `start`, with the unit of `final`.
+        The rate until `start`, in the unit of `final`.
     start : float, s
         The time at which the ramp starts.
     shape : {"linear", "smooth", "quintic"}
-        Shape of the transition.
+        The shape of the transition.
 
     Raises
     ------
@@ -178,7 +178,7 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
 
     def _fraction(self, t: _Time) -> Any:
         u = (t - self.start) / (self.end - self.start)
-        # np.clip of a single time would take as long as the derivative of a ball.
+        # np.clip of a single time would take as long as the derivative of a ball's state.
         return min(max(u, 0.0), 1.0) if isinstance(u, float) else np.clip(u, 0.0, 1.0)
 
     def rate(self, t: _Time) -> Any:
@@ -187,7 +187,7 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
 
     def acceleration(self, t: _Time) -> Any:
         _, slope, _ = _SHAPES[self.shape]
-        # At a breakpoint the slope is the one after it: 0 at the end.
+        # At a breakpoint, return the slope after it, which is 0 at the end of the ramp.
         inside = (t >= self.start) & (t < self.end)
         rise = self.final - self.initial
         return inside * slope(self._fraction(t)) * rise / (self.end - self.start)
@@ -206,11 +206,11 @@ class Sine(_Curve, frozen=True, kw_only=True, tag="sine"):
     Attributes
     ----------
     amplitude : float, rad/s
-        Amplitude. For a hinge with a motor, it has the unit of the command.
+        The amplitude. For a hinge with a motor, `amplitude` has the unit of the command.
     frequency : float, Hz
-        Frequency.
+        The frequency.
     mean : float, rad/s
-        Mean rate, with the unit of `amplitude`.
+        The mean rate, in the unit of `amplitude`.
     phase : float, rad
         The phase at time 0.
 
@@ -255,24 +255,24 @@ class Sine(_Curve, frozen=True, kw_only=True, tag="sine"):
 
 
 class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
-    """Pass a rate through values at given times, with a continuous slope.
+    """Interpolate a rate between values at given times, with a continuous slope.
 
     Between two samples the rate is a monotone cubic of Fritsch and Carlson, which does not
-    overshoot. The rate is not defined before the first sample or after the last, so the samples
-    must cover the whole run.
+    overshoot. The rate is not defined before the first sample or after the last sample, so the
+    samples must cover the whole run.
 
     Attributes
     ----------
     times : tuple of float, s
-        Two increasing times or more. Arrays are accepted.
+        At least two times, in increasing order. Arrays are accepted.
     values : tuple of float, rad/s
-        The rate at each time. For a hinge with a motor, it has the unit of the command.
+        The rate at each time. For a hinge with a motor, `values` have the unit of the command.
 
     Raises
     ------
     InputError
-        If there are not as many values as times, fewer than two, times that do not increase, or
-        numbers that are not finite.
+        If the numbers of times and values differ, if there are fewer than two samples, if the
+        times do not increase, or if a number is not finite.
 
     Examples
     --------
@@ -296,7 +296,7 @@ class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
             if not after > before:
                 line = f"time {i} is {after:g} s, and time {i - 1} is {before:g} s"
                 raise InputError(f"the times of samples must increase: {line}")
-        # Converted from arrays, which cannot be compared.
+        # Arrays are converted to tuples, because arrays cannot be compared.
         for name in ("times", "values"):
             msgspec.structs.force_setattr(self, name, tuple(map(float, getattr(self, name))))
 
@@ -306,7 +306,7 @@ class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
 
     @cached_property
     def _cubics(self) -> tuple[Any, Any, Any]:
-        """The rate, its derivative and its integral from the first sample, piece by piece."""
+        """Cubics of the rate, of its derivative, and of its integral from the first sample on."""
         from scipy.interpolate import PchipInterpolator
 
         rate = PchipInterpolator(self.times, self.values)
@@ -357,7 +357,7 @@ class Sum:
 
     @property
     def terms(self) -> tuple["Rate", ...]:
-        """The parts, with the terms of a part that is a Sum in its place."""
+        """The parts; a part that is a Sum is replaced with its terms."""
         terms = (part.terms if isinstance(part, Sum) else (part,) for part in self.parts)
         return tuple(itertools.chain.from_iterable(terms))
 
@@ -366,9 +366,9 @@ class Sum:
 class Custom:
     """Take a rate from a function of time.
 
-    The function must be continuous, and smooth between the breakpoints. Polynomials that
-    approximate it to rounding give its derivative and its integral. A pulse that is shorter than
-    `finest` and has no breakpoints may fall between two samples; all engines then miss it.
+    The function must be continuous, and smooth between the breakpoints. Its derivative and its
+    integral come from polynomials that agree with the function to rounding. A pulse that is shorter
+    than `finest` and has no breakpoints may lie between two samples; all engines then miss it.
 
     Attributes
     ----------
@@ -377,8 +377,8 @@ class Custom:
     breakpoints : tuple of float, s
         The times at which the rate is not smooth.
     finest : float or None, s
-        Largest interval between samples of the function, which are at uneven times. If None, 1 ms,
-        or 1/100 000 of a run longer than 100 s.
+        The largest interval between the uneven times at which the function is sampled. If None,
+        it is 1 ms, or 1/100 000 of the duration if a run is longer than 100 s.
 
     Raises
     ------
@@ -425,7 +425,8 @@ def as_drive(rate: Rate, end: float) -> Drive:
     elif isinstance(rate, Sum):
         drives = tuple(as_drive(part, end) for part in rate.terms)
         steady = [drive.value for drive in drives if isinstance(drive, Constant)]
-        # A sum of numbers is a number, so the scene stays steady and can take compiled steps.
+        # A sum of numbers becomes a number, so the scene counts as steady and can use compiled
+        # steps.
         drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
     elif isinstance(rate, Constant | Ramp | Sine | Total):
         drive = rate
@@ -456,7 +457,7 @@ def _check_covers(samples: Samples, end: float) -> None:
 
 @dataclass(frozen=True)
 class Total:
-    """The drive of a Sum, whose terms are drives over the run."""
+    """The drive of a Sum, with the drives of the Sum's terms over the run."""
 
     drives: tuple[Drive, ...]
 
@@ -475,7 +476,7 @@ class Total:
 
 
 def turns(drive: Drive) -> bool:
-    """Return whether a hinge with this drive turns. A rate of 0 fixes it, and needs no motor."""
+    """Return whether a hinge with this drive turns. At a constant rate of 0 it is fixed."""
     return drive != Constant(0.0)
 
 
@@ -484,9 +485,10 @@ def sampling_error(
 ) -> float:
     """Return the largest error of a drive's mean over a step, sampled at a few instants.
 
-    It is the error of a quadrature rule, over the drive's largest value. RK4 makes Simpson's. Steps
-    begin at uneven times, because a drive whose period divides the timestep has zero error at some
-    phases. They end on the stops (n,) [s]: 0, breakpoints and the end.
+    It is the error of a quadrature rule, divided by the drive's largest value. The default is
+    Simpson's rule, which RK4 uses. The tested steps begin at uneven times, because a drive whose
+    period divides the timestep has zero error at some phases. No step extends over one of the stops
+    (n,) [s]: 0, the breakpoints and the end.
     """
     sides = stops[:: -(-len(stops) // _LOOKS)]
     spread = uneven(stops[-1], stops[-1] / _LOOKS)
@@ -521,6 +523,6 @@ def seeing_step(
 ) -> float:
     """Return a timestep [s], at most `timestep`, with a sampling error within a limit."""
     while (error := error_of(timestep)) > limit and timestep > _NO_STEP:
-        # The rule has its order once a step resolves the drive.
+        # The error decreases with the order of the rule as soon as a step resolves the drive.
         timestep *= min(0.9, max(0.1, (limit / error) ** (1 / order)))
     return timestep

@@ -6,9 +6,9 @@ sympy and mpmath numbers, heyoka expressions and inside numba. The equation numb
 Problem", with its misprints corrected.
 
 Axes and symbols: vectors are 3-tuples along the principal axes of the ball's inertia, which rotate
-with the frame. ``A`` and ``I`` are 3-tuples, the diagonals of A = (I + d E)^-1 [1/(kg m^2)] and of
-the inertia [kg m^2]; ``d`` = m a^2 [kg m^2]; ``Omega`` is the frame's angular velocity relative to
-the shell [rad/s]; ``K`` = k - d Omega [kg m^2/s]; ``gamma`` is the unit vertical.
+with the frame. ``A`` and ``I`` are 3-tuples: the diagonals of A = (I + d E)^-1 [1/(kg m^2)] and of
+the inertia [kg m^2]. ``d`` is m a^2 [kg m^2], ``Omega`` the frame's angular velocity relative to
+the shell [rad/s], ``K`` is k - d Omega [kg m^2/s], and ``gamma`` is the unit vertical.
 """
 
 import math
@@ -22,7 +22,7 @@ from robotball.errors import LARGEST, InputError
 from robotball.robot.ball import Ball
 from robotball.rotations import Array, Quaternion, unit_space_axes
 
-# Any type with + - * /; numba, sympy and heyoka have no common protocol.
+# A scalar may be of any type with + - * /; numba, sympy and heyoka have no common protocol.
 Scalar = Any
 Vector = tuple[Scalar, Scalar, Scalar]
 Rolling = Literal["rubber", "classical"]
@@ -69,12 +69,12 @@ def diagonal(D: Vector, v: Vector) -> Vector:
 def rubber_angular_velocity(
     M: Vector, gamma: Vector, Omega: Vector, K: Vector, A: Vector
 ) -> Vector:
-    """Return ω(M, γ) of rolling without slipping and spinning, (3.2) [rad/s].
+    """Return ω(M, γ) for rolling without slipping and spinning, (3.2) [rad/s].
 
-    ω = A( (M×Aγ + (Ω + AK, γ)γ)/(Aγ,γ) - K );  needs (M, γ) = 0.
+    ω = A( (M×Aγ + (Ω + AK, γ)γ)/(Aγ,γ) - K ). M must satisfy (M, γ) = 0.
     """
     A_gamma = diagonal(A, gamma)
-    # One division for three coordinates: it is the slowest operation here.
+    # Divide once for three coordinates, because division is the slowest operation here.
     per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
     Omega_AK = add(Omega, diagonal(A, K))
     turning = add(cross(M, A_gamma), scale(dot(Omega_AK, gamma), gamma))
@@ -84,20 +84,20 @@ def rubber_angular_velocity(
 def _classical_angular_velocity(
     M: Vector, gamma: Vector, Omega: Vector, K: Vector, A: Vector, I: Vector, d: Scalar
 ) -> Vector:
-    """Return ω(M, γ) of rolling without slipping, (3.3) [rad/s].
+    """Return ω(M, γ) for rolling without slipping, (3.3) [rad/s].
 
     ω = A( M - K + Zγ ),  Z = (A(M - K) - Ω, γ) / (1/d - (Aγ,γ)).
     """
     M_K = subtract(M, K)
     A_gamma = diagonal(A, gamma)
-    # 1/d - (Aγ,γ) = Σ I_i a_i γ_i² / d for a unit γ; the left side cancels when I << d.
+    # For a unit γ, 1/d - (Aγ,γ) = Σ I_i a_i γ_i² / d. The left side loses digits when I << d.
     I_A_gamma_gamma = dot(diagonal(I, A_gamma), gamma)
     Z = d * (dot(M_K, A_gamma) - dot(Omega, gamma)) / I_A_gamma_gamma
     return diagonal(A, add(M_K, scale(Z, gamma)))
 
 
 def rubber_divergence(gamma: Vector, Omega: Vector, A: Vector) -> Scalar:
-    """Return -(Aγ, γ×Ω)/(Aγ,γ), whose time mean is the sum of the exponents of (3.2) [1/s]."""
+    """Return -(Aγ, γ×Ω)/(Aγ,γ), whose time mean is the sum of (3.2)'s exponents [1/s]."""
     A_gamma = diagonal(A, gamma)
     per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
     return per_A_gamma_gamma * dot(A_gamma, cross(Omega, gamma))
@@ -139,7 +139,7 @@ def seen_from_frame(v: Vector, axes: tuple[Vector, Vector, Vector]) -> Vector:
 
 
 def turntable_velocity(spin: Scalar, point: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
-    """Return the velocity spin e_z×r along X and Y of a turning plane at the point r."""
+    """Return the velocity of a turning plane at the point r: spin e_z×r along X and Y."""
     return -spin * point[1], spin * point[0]
 
 
@@ -216,12 +216,12 @@ def full_angular_acceleration(
 
 @dataclass(frozen=True)
 class Parameters:
-    """The numbers of (3.2) and (3.3), vectors in the principal axes of the ball's inertia.
+    """The parameters of (3.2) and (3.3); vectors are in the principal axes of the ball's inertia.
 
     Attributes
     ----------
     rolling : {"rubber", "classical"}
-        No slip and no spin, or no slip.
+        The rubber model has no slip and no spin, the classical model has no slip.
     I : 3 floats, kg m²
     d : float, kg m²
     a : float, m
@@ -247,7 +247,7 @@ class Parameters:
         return add(self.K, scale(self.d, self.Omega))
 
     def angular_velocity(self, M: Vector, gamma: Vector) -> Vector:
-        """Return ω(M, γ) of (3.2) or (3.3) [rad/s]; M and γ as tuples of floats or of columns."""
+        """Return ω(M, γ) of (3.2) or (3.3) [rad/s]. M and γ are tuples of floats or of columns."""
         if self.rolling == "rubber":
             return rubber_angular_velocity(M, gamma, self.Omega, self.K, self.A)
         return _classical_angular_velocity(M, gamma, self.Omega, self.K, self.A, self.I, self.d)
@@ -259,13 +259,13 @@ class Parameters:
         return _classical_divergence(gamma, self.Omega, self.A, self.I, self.d)
 
     def momentum(self, omega: Vector, gamma: Vector) -> Vector:
-        """Return M(ω, γ): γ×L of (3.1) in the rubber model, L of section 3.2 in the classical."""
+        """Return M(ω, γ): γ×L of (3.1) for the rubber model, L of section 3.2 for the classical."""
         L = contact_angular_momentum(omega, gamma, self.Omega, self.K, self.I, self.d)
         return cross(gamma, L) if self.rolling == "rubber" else L
 
 
 def parameters_of(ball: Ball, rolling: Rolling, rates: Sequence[float]) -> Parameters:
-    """Return the numbers of a ball with hinge rates [rad/s], the frame's rate first."""
+    """Return the parameters of a ball with hinge rates [rad/s], the frame's rate first."""
     moments, axes = ball.principal
     Omega = rates[0] * ball.shell.axis
     k = ball.gyrostatic_inertia @ rates
@@ -280,7 +280,7 @@ def parameters_of(ball: Ball, rolling: Rolling, rates: Sequence[float]) -> Param
 
 
 def speed_bound(parameters: Parameters, size: Array) -> Array:
-    """Return bounds (n,) of |ω| for |M| = size (n,), from the terms of (3.2) or (3.3) [rad/s]."""
+    """Return upper bounds (n,) on |ω| for |M| = size (n,), from (3.2) or (3.3) [rad/s]."""
     A, I = np.array(parameters.A), np.array(parameters.I)
     Omega, K = math.hypot(*parameters.Omega), math.hypot(*parameters.K)
     # An overflow gives an infinite bound, which `check_speed` refuses.

@@ -1,9 +1,9 @@
 """Drives from users' functions of time, with polynomials for derivatives and integrals.
 
-Chebyshev polynomials of degree 24 approximate a function, one per panel. Panels are halved until
-the last coefficients are rounding errors and the polynomial agrees with every sample of the
-function. So smooth functions are accurate to rounding, and a change within the narrowest panel is a
-jump. `HeldCommand` is the drive of a controller's commands.
+A function is approximated by Chebyshev polynomials of degree 24, one for each panel, an interval of
+time. Panels are halved until the last coefficients are rounding errors and the polynomial agrees
+with every sample of the function. So smooth functions are accurate to rounding, and a large change
+within the narrowest panel counts as a jump. `HeldCommand` is the drive of a controller's commands.
 """
 
 from bisect import bisect_right
@@ -21,24 +21,26 @@ from robotball.rotations import Array, uneven
 
 _Function = Callable[[float], float]
 
-_LONGEST_FUNCTION = 1e5  # s: 30 s of work for a cheap function
+_LONGEST_FUNCTION = 1e5  # s; its approximation takes 30 s for a cheap function
 _ACCURATE = 1e-12  # of the largest rate: a polynomial with this error costs no accuracy
 _FINEST = 1e-3  # s, default interval between samples of a function
 _LOOKS, _MOST_LOOKS = 100_000, 10_000_000  # samples over a run: without a `finest`, and with one
-# s: a step may skip the features of a panel shorter than _SHORT, so it gets _PARTS - 1 breakpoints
-# inside, as close as RK4 needs. Panels below _SHORTEST are at a kink, which is halved without end.
+# s: a step may miss what happens in a panel shorter than _SHORT. Such a panel gets _PARTS - 1
+# breakpoints inside, as close as RK4 needs. Panels below _SHORTEST are at a kink, where halving
+# does not help.
 _SHORT, _SHORTEST, _PARTS = 0.02, 1e-6, 4
 _PANEL = 0.5  # s, longest panel
 _NARROWEST = 1e-9  # s: panels of this length are not halved
-_MOST_HALVES = 500  # of one panel: some ten kinks
-_JUMP = 1e-4  # of 1 + the value: a larger change within the narrowest panel is a jump
+_MOST_HALVES = 500  # halves of one panel, enough for some ten kinks
+_JUMP = 1e-4  # times 1 + |value|: a larger change within the narrowest panel is a jump
 _DEGREE = 24
-# The nodes include the ends, so neighbours meet and the integral of the slope is the function.
+# The nodes include the ends of the panel, so neighbouring polynomials meet, and the integral of the
+# slope is the function.
 _NODES = chebyshev.chebpts2(_DEGREE + 1)
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_NODES, _DEGREE))
 _EPS = float(np.finfo(float).eps)
 _ROUNDING = 8 * _EPS  # of the last coefficients of an accurate polynomial
-_BETWEEN = 100.0  # ratio of rounding errors between the nodes and in the last coefficients
+_BETWEEN = 100.0  # rounding errors between the nodes, divided by those in the last coefficients
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class FunctionDrive:
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
-        """The user's breakpoints, and the parts of short panels, in which the rate changes fast."""
+        """The user's breakpoints, and further ones in short panels, where the rate changes fast."""
         panels = pairwise(self.polynomials.edges)
         short = (panel for panel in panels if _SHORTEST < panel[1] - panel[0] < _SHORT)
         parts = chain.from_iterable(np.linspace(*panel, _PARTS + 1).tolist() for panel in short)
@@ -101,7 +103,7 @@ class FunctionDrive:
         return value
 
     def _inside(self, t: float) -> float:
-        """Return the time without rounding errors beyond the end."""
+        """Return the time, limited to the end if it exceeds the end by a rounding error."""
         if not t <= self.end * (1 + END_ROUNDING):
             raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
         return min(t, self.end)
@@ -141,7 +143,7 @@ class _Polynomials:
     size: float
 
     def slope(self, t: float) -> float:
-        """Return the derivative at `t`; at an edge, the one after it."""
+        """Return the derivative at `t`; at an edge, the derivative after it."""
         i, x = self._place(t)
         return float(chebyshev.chebval(x, self.slopes[i]))
 
@@ -151,7 +153,7 @@ class _Polynomials:
         return float(self.before[i] + chebyshev.chebval(x, self.areas[i]))
 
     def _place(self, t: float) -> tuple[int, float]:
-        """Return the panel of a time, and the position of the time in it, from -1 to 1."""
+        """Return the panel of a time, and the position of the time in the panel, from -1 to 1."""
         i = int(np.searchsorted(self.edges[1:-1], t, side="right"))
         begin, end = self.edges[i : i + 2]
         return i, float((2 * t - begin - end) / (end - begin))
@@ -162,8 +164,8 @@ def polynomials_of(
 ) -> _Polynomials:
     """Return polynomials that approximate a function to rounding, or as well as halving permits.
 
-    edges: increasing times; the function is smooth between them, and is not called outside them;
-    looks: further times at which it is sampled. Raises InputError if it jumps.
+    edges: increasing times. The function is smooth between the edges, and is not called outside
+    them. looks: further times at which the function is sampled. Raises InputError if it jumps.
     """
     panels: list[tuple[float, float, Array, float]] = []
     size = 0.0
@@ -178,11 +180,13 @@ def polynomials_of(
     halves = np.diff(ends_of_panels)[:, None] / 2
     coefficients = np.array([_COEFFICIENTS @ values for _, _, values, _ in panels])
     off = np.array([off for *_, off in panels])
-    # The slope would magnify coefficients that are rounding errors by the square of their degree.
+    # Differentiation would multiply coefficients that are rounding errors by the square of their
+    # degree.
     coefficients[np.abs(coefficients) < _EPS * size] = 0.0
     slopes = chebyshev.chebder(coefficients, axis=1) / halves
     areas = chebyshev.chebint(coefficients, lbnd=-1.0, axis=1) * halves
-    # The rounding error at a panel's begin depends on the processor; the integral begins at 0.
+    # The rounding error at the begin of a panel depends on the processor. It is subtracted, so that
+    # the integral begins at 0.
     begins, ends = (np.asarray(chebyshev.chebval(x, areas.T)) for x in (-1.0, 1.0))
     before = np.cumsum([0.0, *(ends - begins)[:-1]]) - begins
     return _Polynomials(ends_of_panels, slopes, areas, before, off, size)
@@ -198,14 +202,14 @@ def _halved(
     while left:
         a, b = left.pop()
         middle, half = (a + b) / 2, (b - a) / 2
-        # Rounding may move a node out of the panel, and the function may be undefined there.
+        # Rounding may move a node out of the panel, where the function may be undefined.
         nodes = np.clip(middle + half * _NODES, a, b)
         nodes[0], nodes[-1] = a, b
         values = np.array([function(t) for t in nodes.tolist()])
         coefficients = _COEFFICIENTS @ values
         part = slice(*np.searchsorted(looks, (a, b)))
         between = chebyshev.chebval((looks[part] - middle) / half, coefficients) - samples[part]
-        # Three, because every second coefficient of an odd or even function is zero.
+        # Take three coefficients, because every second one is zero for an odd or even function.
         tail = float(np.abs(coefficients[-3:]).max())
         missed = float(np.abs(between).max(initial=0.0))
         accurate = max(tail, missed / _BETWEEN) <= _rounding_of(coefficients, a, b, size)
@@ -219,16 +223,16 @@ def _halved(
 
 
 def _rounding_of(coefficients: Array, begin: float, end: float, size: float) -> float:
-    """Return the rounding error in the last coefficients of a function of this size.
+    """Return the rounding error in the last coefficients of a function with values of this size.
 
-    It includes the effect of rounding the argument.
+    The error includes the effect of rounding the argument.
     """
     steepest = float(np.abs(coefficients[1:]).sum()) / ((end - begin) / 2)
     return _ROUNDING * (max(size, float(np.abs(coefficients).max())) + abs(end) * steepest)
 
 
 def _check_continuous(begin: float, end: float, values: Array) -> None:
-    """Raise InputError if the values in a narrowest panel differ too much."""
+    """Raise InputError if the values in a panel of the narrowest length differ too much."""
     jump = float(np.ptp(values))
     if jump > _JUMP * (1 + float(np.abs(values).min())):
         t = (begin + end) / 2
@@ -236,9 +240,10 @@ def _check_continuous(begin: float, end: float, values: Array) -> None:
 
 
 class HeldCommand:
-    """The commands of a controller in a run, each held until the next; before them, a drive.
+    """The commands of a controller in a run, each held until the next; a drive before the first.
 
-    It grows during the run. Only for motors, because a prescribed rate must not jump.
+    Commands are added during the run. They can only be for motors, because a prescribed rate must
+    not jump.
     """
 
     # Any: drives.Drive, whose module imports this one.
@@ -248,12 +253,12 @@ class HeldCommand:
         self.breakpoints = before.breakpoints
 
     def hold(self, t: float, drive: Any) -> None:
-        """Hold another drive from t [s] on; calls are in order of time."""
+        """Hold another drive from t [s] on. Calls must be in the order of their times."""
         self.turned.append(self.angle(t))
         self.times.append(t)
         self.drives.append(drive)
 
-    # Engines ask for single times, and often.
+    # Engines call these functions often, with single times.
 
     def rate(self, t: Any) -> Any:
         return self.at(t).rate(t) if isinstance(t, float) else _each(self.rate, t)

@@ -16,7 +16,7 @@ from robotball.rotations import Array
 class Loads(Value):
     """Hold the forces and torques that a motion needs, at n times and on h hinges.
 
-    The frame's hinge comes first, then the hinges of the rotors.
+    The hinges are in the order of `Ball.hinges`.
 
     Attributes
     ----------
@@ -25,8 +25,8 @@ class Loads(Value):
     spin_torque : (n,), N m
         The torque λ₀ of the plane on the shell about the vertical.
     motor_torques : (n, h), N m
-        The torques of the motors along the hinges, which act from the shell on the frame, and from
-        the frame on the rotors. 0 for a hinge that never turns.
+        The torque of the motor along each hinge. The shell exerts it on the frame, and the frame on
+        a rotor. 0 for a hinge that never turns.
 
     Examples
     --------
@@ -42,21 +42,21 @@ class Loads(Value):
 
     @classmethod
     def unknown(cls, times: int, hinges: int) -> "Loads":
-        """Return loads that are NaN."""
+        """Return loads that are all NaN."""
         return cls(*(np.full(shape, np.nan) for shape in ((times, 3), times, (times, hinges))))
 
     @property
     def sliding_friction(self) -> Array:
-        """The least coefficient of friction (n,) at which the shell does not slip."""
+        """The least coefficient of friction (n,) with which the shell does not slip."""
         return _per_newton(np.linalg.norm(self.contact_force[:, :2], axis=1), self.normal_force)
 
     @property
     def torsional_friction(self) -> Array:
-        """The least torsional coefficient (n,) at which the shell does not spin [m]."""
+        """The least torsional coefficient (n,) with which the shell does not spin [m]."""
         return _per_newton(np.abs(self.spin_torque), self.normal_force)
 
     def grip(self, limits: Array) -> Array:
-        """Return the used part (n,) of a friction cone; limits (3,) as in `Scene.slip_limits`."""
+        """Return the friction as a fraction (n,) of its limits (3,), see `Scene.slip_limits`."""
         slide, _, spin = limits
         return np.hypot(self.sliding_friction / slide, self.torsional_friction / spin)
 
@@ -67,7 +67,7 @@ class Loads(Value):
 
 
 def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
-    """Return the loads of the constraints (2.1), (2.2) and the drives, from Newton and Euler.
+    """Return the loads that the constraints (2.1), (2.2) and the drives exert.
 
     The angular acceleration comes from the unreduced equations (2.4)-(2.5). times (n,) s; axes
     (n, 3, 3) from principal axes to world; omega (n, 3) of the frame, in principal axes [rad/s].
@@ -93,8 +93,8 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
     spin_torque = np.broadcast_to(np.float64(spin_torque), times.shape)
     omega_rate, w = np.array(rate), omega.T
 
-    # In frame axes the inertia of the turning shell is constant, because it is symmetric about its
-    # hinge.
+    # In frame axes the inertia of the turning shell is constant, because the shell is symmetric
+    # about its hinge.
     turning, turning_rate = w - Omega, omega_rate - Omega_rate
     acceleration = ball.radius * _cross(turning_rate - _cross(w, Omega), gamma)
     force = ball.mass * (acceleration - scene.gravity_at(times)[:, 2] * gamma)
@@ -104,7 +104,8 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
     from_plane = spin_torque * gamma - ball.radius * _cross(gamma, force)
     frame_torque = hinges[:, 0] @ (from_plane - shell_momentum_rate)
     moving = np.array([turns(drive) for drive in scene.drives])
-    # I (dω/dt, n) + I φ̈ along the axis of a symmetric rotor: its gyroscopic torque is across it.
+    # The torque along the axis of a symmetric rotor is I (dω/dt, n) + I φ̈, because its gyroscopic
+    # torque is orthogonal to the axis.
     rotor_inertias = np.array([rotor.axial_inertia for rotor in ball.rotors])[:, None]
     rotor_torques = rotor_inertias * (hinges[:, 1:].T @ omega_rate + accelerations[1:])
     return Loads(
@@ -120,5 +121,5 @@ def _cross(u: Array, v: Array) -> Array:
 
 
 def _per_newton(load: Array, normal_force: Array) -> Array:
-    # 0 while the ball is off the plane, because it needs no friction there.
+    # 0 while the ball is off the plane, because a flying ball needs no friction.
     return np.divide(load, normal_force, out=np.zeros_like(load), where=normal_force > 0)

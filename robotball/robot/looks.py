@@ -1,13 +1,13 @@
 """Colours and shapes of bodies in films, models and pages.
 
-A body with shapes, from parts or a user's model, is drawn with them. A body with numbers alone has
-a symbol: shell, frame and rotor are the hand-written parts in mjcf/, a pendulum or link is the box
-of its inertia on an arm.
+A body that has shapes, from parts or from a user's model, is drawn with these shapes. A body that
+has only numbers is drawn as a symbol. The symbols of shell, frame and rotor are the hand-written
+parts in mjcf/. The symbol of a pendulum or link is the box with the same inertia, on an arm.
 
 The sizes of symbols are chosen so that symbols do not touch: the frame's hoop is near the shell,
-bodies that turn inside it stay inside, and rotors with one centre are nested rings. An unbalanced
-frame has a weight on the side of its centre of mass. The shell is always glass, with bands that
-make its rolling visible.
+bodies that turn inside the hoop stay inside, and rotors with the same centre are nested rings. An
+unbalanced frame has a weight on the side of its centre of mass. The shell is always glass, with
+bands that make its rolling visible.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,12 +26,12 @@ from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, t
 INK = "#22262B"  # text
 ACCENT = "#D55E00"  # the reference
 FAINT = "#B4B9BF"  # the background
-GHOST = 0.35  # opacity of a ball that is drawn over others
-# Materials of the marks of a rotor, and of its disc if the marks turn too fast to be visible.
+GHOST = 0.35  # opacity of a ball that is drawn over other balls
+# Materials of a rotor's marks, and of the rotor's disc if the marks turn too fast to be visible.
 MARKS, BLUR = "spoke", "blur"
 _HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
 
-# Lengths in radii of the ball.
+# Lengths in units of the ball's radius.
 _INSIDE = 0.75  # outer radius of bodies that turn in the frame's hoop
 _RIM = 0.61  # outer radius of the part "rotor"
 _RING = 0.7  # size ratio of nested rings
@@ -40,12 +40,12 @@ _CORE = 0.28  # space for rotors at the centre if there are pendulums
 _ARM, _HINGE = 0.035, 0.14  # radius of a pendulum's arm, and half of the length of its hinge
 _OUTSIDE = 0.96  # outer radius of a weight on the frame's hoop
 _BALANCED = 0.01  # a frame with a smaller offset has no weight
-_TOGETHER = 0.05  # rotors with centres at a smaller distance are nested
+_TOGETHER = 0.05  # rotors are nested if the distance of their centres is smaller
 
 _ORIGIN, _NO_TURN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 _AXLE, _POLE = 0.02, 0.97  # radius of the axle of a frame with parts, and half of its length
-_THIN = 0.012  # drawn size of a shape without a size
-_SAME = 0.02  # a sphere of the shell that differs by less is the shell
+_THIN = 0.012  # size with which a shape without a size is drawn
+_SAME = 0.02  # a sphere of the shell's parts that differs by less is the shell itself
 _GLASS = "26"  # opacity, at the end of a colour, of a user's part that encloses others
 _INERTIA = "#f2c23399"  # the box of a body that has a mass but no shape
 
@@ -59,10 +59,10 @@ def rgb(colour: str) -> tuple[float, float, float]:
 
 
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
-    """Return the shapes of each body by body name, in radii of the ball.
+    """Return the shapes of each body by body name, in units of the ball's radius.
 
-    A user's shape is transparent if it encloses a whole other body, or if it belongs to the shell
-    and encloses the middle of another body.
+    A user's shape is transparent if it encloses another body completely, or if it belongs to the
+    shell and encloses the centre of another body.
     """
     rings = _rings(ball)
     looks = {name: tuple(_look(ball, body, rings)) for name, body in ball.named_bodies}
@@ -84,9 +84,9 @@ def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
 
 
 def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterator[Shape]:
-    """Yield a body's shapes, then symbols for the features that they do not show.
+    """Yield a body's shapes, then symbols for features that the shapes do not show.
 
-    rings: an iterator from which a rotor takes its ring.
+    rings: an iterator; each rotor takes the next ring.
     """
     radius, axis = ball.radius, ball.shell.axis
     colour = _hex("frame" if isinstance(body, Shell | Frame) else "rotor")
@@ -99,7 +99,7 @@ def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterat
         )
         for shape in body.shapes
     ]
-    # The glass replaces the sphere that rolls, and visual copies of it.
+    # The glass sphere replaces the sphere that rolls, and visual copies of that sphere.
     yield from (shape for shape in built if not (isinstance(body, Shell) and _is_the_ball(shape)))
     match body:
         case Shell():
@@ -187,7 +187,7 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
         before = sum(distance < _TOGETHER for distance in away[:i])
         after = sum(distance < _TOGETHER for distance in away[i + 1 :])
         room = [_RIM, _INSIDE - float(np.linalg.norm(centre))]
-        # Half of the distance for each of two neighbours, so that they do not touch.
+        # Each of two neighbours gets half of their distance, so that they do not touch.
         room += [distance / 2 for distance in away if distance >= _TOGETHER]
         if ball.pendulums:
             room.append(_CORE)
@@ -258,7 +258,7 @@ def add_materials(
     prefix: str = "",
     opacity: float = 1.0,
 ) -> None:
-    """Add the materials of shapes; own: "r g b" of materials with another colour here."""
+    """Add the materials of shapes. own: "r g b" for the materials that have another colour here."""
     for name, (red, green, blue, solid) in materials_of(looks).items():
         rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
         look = {"rgba": f"{rgb} {solid * opacity:g}", "specular": "0.4", "shininess": "0.6"}

@@ -40,7 +40,7 @@ class Loop:
     scene : Scene
         The scene with the held commands; pass this one to the engine.
     calls : list of dict
-        The readings and commands of the calls so far, in the form of `Motion.calls`.
+        The readings and commands of the calls so far, as in `Motion.calls`.
     """
 
     def __init__(self, scene: Scene, controller: Controller) -> None:
@@ -53,7 +53,7 @@ class Loop:
             for hinge in scene.hinges
             if not isinstance(hinge.motor, Free | None)
         }
-        # Limits and activations are applied already: `controls` has their results.
+        # Limits and activations are already applied in `controls`.
         actuators = [
             replace(actuator, command=HeldCommand(control), activation=None, within=NO_LIMITS)
             for actuator, control in zip(scene.actuators, scene.controls, strict=True)
@@ -96,7 +96,7 @@ class Loop:
         return all(isinstance(drive, Constant) for drive in last)
 
     def _read(self, time: float, true: TrueReading) -> Reading:
-        """Return the reading that the sensors give of a state."""
+        """Return the reading that the sensors give for a state."""
         sensors = self.controller.sensors
         if sensors.noise or sensors.resolution:
             true = self._disturbed(sensors, true)

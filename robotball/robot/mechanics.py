@@ -1,21 +1,21 @@
 """The mechanics of a tree of bodies that rolls in a shell, in plain arithmetic.
 
-The formulas use scalars, like those of formulas.py, so the same functions run on floats, on NumPy
-columns and inside numba. Vectors are 3-tuples in the axes of one body of the tree, its carrier,
-but velocities and accelerations are rates in space; positions are from the sphere's centre. Row 0
-of the bodies is the shell. Every other body is joined to its parent, which has a lower row, by a
-hinge or a slide: joint j moves body j + 1. Arrays that end in `...` have the shape of the scalars
-there, () or (n,). Functions write into their last array arguments.
+The formulas use scalars, like those of formulas.py, so the same functions work with floats, with
+NumPy columns and inside numba. Vectors are 3-tuples in the axes of one body of the tree, the
+carrier. Velocities and accelerations are relative to space, and positions are measured from the
+sphere's centre. Row 0 of the bodies is the shell. A hinge or a slide joins every other body to its
+parent, which has a lower row: joint j moves body j + 1. Arrays whose shape ends in `...` have there
+the shape of the scalars, () or (n,). Functions write into their last array arguments.
 
-u = (ω_s, q̇): the shell's angular velocity, then the rates of the joints. If the shell slips, its
-slip velocity along space's X and Y stands between them. (L, h) = 𝓜u: the angular momentum about the
-contact point, then the momenta along the joints. All sums over bodies are recursive, as in
+u = (ω_s, q̇) has the shell's angular velocity and the rates of the joints. If the shell slips, its
+slip velocity along space's X and Y stands between the two. (L, h) = 𝓜u has the angular momentum
+about the contact point and the momenta along the joints. All sums over bodies are recursive, as in
 Featherstone, Rigid Body Dynamics Algorithms: sweeps out to the last body and back give torques
 (Newton-Euler), and articulated bodies, whose joints are free, give u from (L, h).
 
 `States` has n states of a `Robot` as columns: gamma (n, 3) in the carrier's axes; angles and rates
-(n, h) of the joints [rad, rad/s; m, m/s for slides]; omega (n, 3) of the carrier, in its axes
-[rad/s]. SI units.
+(n, h) of the joints [rad, rad/s; m, m/s for slides]; omega (n, 3) of the carrier, in the carrier's
+axes [rad/s]. All units are SI units.
 """
 
 from dataclasses import dataclass
@@ -32,28 +32,30 @@ _Numbers = Any  # an array, or its row
 Matrix = tuple[Vector, Vector, Vector]  # its rows
 
 # Bodies are rows of one array, for numba and for columns.
-# Row of a body at joint angles 0, in axes that all bodies then share. A body and all that its joint
-# moves are a composite: its mass, and its part of the mass that its parent and the composites of
-# later bodies there have with it.
+# Row of a body at joint angles 0, at which all bodies have the same axes. A body and all bodies
+# that its joint moves form a composite. WHOLE is the mass of the composite. _PART is this mass as a
+# fraction of the mass of the composite, of its parent and of later composites at the parent.
 _MASS, _CENTRE, _AXIS, _PIVOT, _INERTIA, _ARMATURE = 0, 1, 4, 7, 10, 19
 _PARENT, _SLIDES, WHOLE, _PART, _ROW = 20, 21, 22, 23, 24
-# Row of a placed body: its centre of mass, its tensor about it, the pivot of its joint, the rows of
-# its rotation from joint angles 0; for a unit rate of its joint the angular velocity of the
-# composite, its velocity at the pivot, and its momentum; the composite's centre of mass.
+# Row of a placed body: its centre of mass, its inertia tensor about this centre, the pivot of its
+# joint, and the rows of its rotation from joint angles 0. Then for a unit rate of its joint: the
+# composite's angular velocity, velocity at the pivot and momentum. Last, the composite's centre of
+# mass.
 _FROM_CENTRE, _TENSOR, _AT, _ROTATION, _TURN, _SLIDE, _PUSH = 0, 3, 12, 15, 24, 27, 30
 _MIDDLE, PLACED = 33, 36
 # Row of an articulated body: the matrices of torque = Aω + Bv and force = Bᵀω + Cv about the pivot;
-# the torque and force for a unit rate of the joint, and the inertia along it.
+# the torque and the force for a unit rate of the joint, and the inertia along the joint.
 _A, _B, _C, _TORQUE, _FORCE, _ALONG, ARTICULATED = 0, 9, 18, 27, 30, 33, 34
-# Row of a moving body: angular velocity, velocity of the centre of mass, and the rates of both; a
-# sum over its composite of momenta or forces, and of their moments about the sphere's centre.
+# Row of a moving body: angular velocity, velocity of the centre of mass, and the derivatives of
+# these two; sums over the body's composite, of momenta or forces and of their moments about the
+# sphere's centre.
 TURNING, _VELOCITY, _TURNING_RATE, _ACCELERATION, _SUM, _MOMENT, MOVING = 0, 3, 6, 9, 12, 15, 18
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 _STILL = (0.0, 0.0, 0.0)
 
 
 class Pose(NamedTuple):
-    """A robot with its joints at angles, and aγ, from the contact point to the sphere's centre."""
+    """A robot at given joint angles, and aγ, from the contact point to the sphere's centre."""
 
     bodies: _Numbers
     placed: _Numbers
@@ -73,12 +75,12 @@ def put(row: _Numbers, at: int, v: Vector) -> None:
 
 
 def _increase(row: _Numbers, at: int, v: Vector) -> None:
-    """Add a vector to one in a row."""
+    """Add a vector to a vector in a row."""
     put(row, at, add(vector(row, at), v))
 
 
 def _matrix(row: _Numbers, at: int) -> Matrix:
-    """Return the rows of a matrix in a row."""
+    """Return the matrix that is stored in a row, as its rows."""
     return vector(row, at), vector(row, at + 3), vector(row, at + 6)
 
 
@@ -104,7 +106,7 @@ def _times(M: Matrix, v: Vector) -> Vector:
 
 
 def _applied(row: _Numbers, at: int, v: Vector) -> Vector:
-    """Return the matrix in a row times v."""
+    """Return the product of the matrix that is stored in a row and v."""
     return _times(_matrix(row, at), v)
 
 
@@ -171,7 +173,7 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
         put(row, _TENSOR, _applied(row, _ROTATION, (x[0], y[0], z[0])))
         put(row, _TENSOR + 3, _applied(row, _ROTATION, (x[1], y[1], z[1])))
         put(row, _TENSOR + 6, _applied(row, _ROTATION, (x[2], y[2], z[2])))
-    # The composites, whose rows hold their first bodies.
+    # The composites; each is in the row of its first body.
     for b in range(len(bodies) - 1, 0, -1):
         body, row, parent = bodies[b], placed[b], placed[int(bodies[b][_PARENT])]
         middle = vector(row, _MIDDLE)
@@ -181,9 +183,10 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
 
 
 def articulate(pose: Pose, axes: Matrix, given: _Numbers, free: _Numbers, matrix: _Numbers) -> None:
-    """Write the articulated bodies (b, ARTICULATED), and 𝓜 of the shell with free free, (k, k).
+    """Write the articulated bodies `free` (b, ARTICULATED), and 𝓜 (k, k) of the shell with them.
 
-    axes: those of space. given (k + h,): which rates of u are not free. k: 3, or 5 with slip.
+    axes: the axes of space. given (k + h,): which rates of u are given, and so not free. k is 3, or
+    5 with slip.
     """
     bodies, placed, root = pose.bodies, pose.placed, len(matrix)
     for b in range(len(bodies)):
@@ -226,18 +229,21 @@ def _seen_from(arm: Vector, matrices: tuple[Matrix, Matrix, Matrix]) -> tuple[Ma
 
 
 def _arm(pose: Pose, b: int) -> Vector:
-    """Return the pivot of body b from that of its parent."""
+    """Return the vector from the pivot of body b's parent to the pivot of body b."""
     p = int(pose.bodies[b][_PARENT])
     return subtract(vector(pose.placed[b], _AT), vector(pose.placed[p], _AT))
 
 
 def _freed(pose: Pose, b: int, given: bool, own: _Numbers) -> tuple[Matrix, Matrix, Matrix]:
-    """Write what a unit rate of the joint of body b needs; return A, B, C with the joint free."""
+    """Write torque, force and inertia for a unit rate of body b's joint; return A, B, C.
+
+    A, B, C are those of the body with the joint free, unless the rate of the joint is given.
+    """
     A, B, C = _matrices(own)
     turn, slide = vector(pose.placed[b], _TURN), vector(pose.placed[b], _SLIDE)
     torque = add(_times(A, turn), _times(B, slide))
     force = add(_times(_transposed(B), turn), _times(C, slide))
-    # The rotor of a motor has inertia for its own joint only.
+    # The rotor of a motor adds inertia only to the motor's own joint.
     along = dot(turn, torque) + dot(slide, force) + pose.bodies[b][_ARMATURE]
     own[_ALONG] = along
     put(own, _TORQUE, torque)
@@ -249,9 +255,10 @@ def _freed(pose: Pose, b: int, given: bool, own: _Numbers) -> tuple[Matrix, Matr
 
 
 def _exchange(matrix: _Numbers, given: _Numbers) -> None:
-    """Change 𝓜 (k, k) in place so that it gives the free rates and the momenta of the given ones.
+    """Change 𝓜 (k, k) in place so that it gives the free rates and the momenta of given rates.
 
-    It is then multiplied by the momenta of the free rates and the given rates, in their order.
+    The new matrix must be multiplied by the momenta of the free rates and by the given rates, in
+    the order of u.
     """
     k = len(matrix)
     for i in range(k):
@@ -282,11 +289,11 @@ def solve(
 ) -> None:  # fmt: skip
     """Solve 𝓜u = right for the rates of u (k + h,) that are not given, after `articulate`.
 
-    Writes the right sides (k + h,) of the given rates, and rates and sums of its own into `moving`.
+    Writes the right sides (k + h,) of the given rates, and auxiliary rates and sums into `moving`.
     """
     bodies, placed, root = pose.bodies, pose.placed, len(matrix)
     moving[:, _SUM:] = 0.0
-    # The force of each joint on its parent with the parent at rest, and its moment.
+    # The force of each joint on the parent if the parent is at rest, and the moment of this force.
     for b in range(len(bodies) - 1, 0, -1):
         i, p, own, row = root + b - 1, int(bodies[b][_PARENT]), free[b], placed[b]
         force, torque = vector(moving[b], _SUM), vector(moving[b], _MOMENT)
@@ -329,7 +336,7 @@ def solve(
 
 
 def _along(row: _Numbers, force: Vector, torque: Vector) -> Scalar:
-    """Return the part along a body's joint of a force with a moment about the sphere's centre."""
+    """Return the component along a body's joint of a force and its moment about the centre."""
     around = subtract(torque, cross(vector(row, _AT), force))
     return dot(vector(row, _TURN), around) + dot(vector(row, _SLIDE), force)
 
@@ -383,10 +390,10 @@ def momenta(pose: Pose, moving: _Numbers, rates: _Numbers, along: _Numbers) -> V
 def momentum_rates(pose: Pose, moving: _Numbers, slip: Vector, rates: _Numbers) -> Vector:
     """Return L̇ and write ḣ (h, ...) in space after `momenta`, without weight, motors and plane.
 
-    slip: as in `move`; v = aω×γ + slip: velocity of the contact point. L̇ = P×v, with the momentum P
-    of all bodies. With the momentum p of a joint's composite and its angular momentum l about the
-    pivot, the parent's ω, and the velocity w of the pivot: along a hinge ḣ = (ω×n, l) + (n, p×w),
-    along a slide ḣ = (ω×n, p).
+    slip: as in `move`. The contact point has the velocity v = aω×γ + slip. L̇ = P×v, with the
+    momentum P of all bodies. Let p be the momentum of a joint's composite, l the composite's
+    angular momentum about the pivot, ω the parent's angular velocity, and w the velocity of the
+    pivot. Along a hinge ḣ = (ω×n, l) + (n, p×w), along a slide ḣ = (ω×n, p).
     """
     for b in range(1, len(pose.bodies)):
         p, row = int(pose.bodies[b][_PARENT]), pose.placed[b]
@@ -400,7 +407,7 @@ def momentum_rates(pose: Pose, moving: _Numbers, slip: Vector, rates: _Numbers) 
 
 
 def weigh(pose: Pose, gravity: Vector, torques: _Numbers) -> tuple[Vector, Vector]:
-    """Return the weight and its torque about the contact point; write those of joints (h, ...)."""
+    """Return the weight and its torque about the contact point; write joint torques (h, ...)."""
     for b in range(1, len(pose.bodies)):
         torques[b - 1] = dot(vector(pose.placed[b], _PUSH), gravity)
     weight = scale(pose.bodies[0][WHOLE], gravity)
@@ -466,7 +473,7 @@ def _acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
 class Robot:
     """The numbers of a tree of bodies, in rows (b, _ROW), and the radius [m].
 
-    carrier: row of the body in whose axes vectors are, and whose attitude a motion gives.
+    carrier: the row of the body whose axes vectors have, and whose attitude a motion gives.
     """
 
     bodies: Array
@@ -535,7 +542,7 @@ class Robot:
         """Return ω (n, 3) of the carrier from the momentum M (n, 3), both in its axes."""
         pose, rubber = self.pose(gamma, angles), rolling == "rubber"
         matrix = self.matrix(pose).transpose(2, 0, 1)
-        # M is γ×L in the rubber model, so L is M×γ plus a part along γ, which is unknown.
+        # In the rubber model M is γ×L, so L is M×γ plus an unknown part along γ.
         left, right = np.zeros((len(gamma), 4, 4)), np.zeros((len(gamma), 4, 1))
         left[:, :3, :3], left[:, 3, 3] = matrix[:, :3, :3], not rubber
         left[:, 3, :3] = left[:, :3, 3] = gamma * rubber
@@ -600,7 +607,7 @@ class States:
 
     @cached_property
     def pushes(self) -> Array:
-        """Σ m ∂v_b/∂u_k (3, 3 + h, n): the momentum that each unit rate gives the robot."""
+        """Σ m ∂v_b/∂u_k (3, 3 + h, n): the momentum of the robot for each unit rate."""
         arm = self.centre_of_mass.T + self.pose.lift
         of_shell = self.robot.mass * np.cross(np.eye(3)[:, :, None], arm[None], axis=1)
         of_joints = self.pose.placed[1:, _PUSH:_MIDDLE]

@@ -1,10 +1,11 @@
 """Motors: the torque on a hinge as a function of its command, angle and rate.
 
-A hinge without a motor keeps its drive (`drives`) as its rate [rad/s] exactly. For a motor the
-drive is a command: a rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a fraction of
-the nominal voltage for a DCMotor, a torque [N m] for a Torque. The torque on a hinge acts from the
-parent on the child. SI units; slides have m and N. An actuator may have an activation between
-command and law, which is a function of time and is computed before the run.
+For a hinge without a motor, its drive (`drives`) is its rate [rad/s], which the hinge keeps
+exactly. For a motor the drive is a command: a rate [rad/s] for a Servo, an angle [rad] for a
+PositionServo, a fraction of the nominal voltage for a DCMotor, a torque [N m] for a Torque. The
+parent exerts the torque of a hinge on the child. All units are SI units; slides have m and N. An
+actuator may have an activation between its command and its law. The activation is a function of
+time and is computed before the run.
 """
 
 import math
@@ -21,11 +22,12 @@ from robotball.robot.drives import Constant, Custom, Drive, Rate, as_drive
 
 _Scalar = Any  # a float, or a column (n,)
 
-# rad/s: dry friction changes sign over about this rate, because smooth equations cannot jump.
+# rad/s: dry friction changes sign smoothly within about this rate, because the equations must be
+# smooth.
 SLOW = 1e-3
 NO_LIMITS = (-math.inf, math.inf)  # least and largest command of an actuator without limits
 _LAGS = 5.0  # settling times per piece of the integral
-_MOST_SETTLINGS = 1e5  # settling times in a run with a changing command: 30 s of work
+_MOST_SETTLINGS = 1e5  # settling times in a run with a changing command; they take 30 s
 _LOOKS = 1001  # samples in time of a check against a range
 _ROOT = 1e-14  # s, tolerance of the time at which a limit is reached
 _ROUNDING = 1e-9  # tolerance of a range, relative to its larger end
@@ -34,8 +36,9 @@ _ROUNDING = 1e-9  # tolerance of a range, relative to its larger end
 class Law(NamedTuple):
     """Describe the torque of any motor with six numbers, which compiled equations use directly.
 
-    The torque is per_command · command - per_angle · angle - per_rate · rate + at_rest, minus dry
-    friction smoothed to friction · tanh(rate/SLOW), clipped to -limit and limit. SI units.
+    The torque is per_command · command - per_angle · angle - per_rate · rate + at_rest -
+    friction · tanh(rate/SLOW), clipped to -limit and limit. The last term is smoothed dry friction.
+    All units are SI units.
 
     Attributes
     ----------
@@ -46,7 +49,7 @@ class Law(NamedTuple):
     per_rate : float
         Damping, N m s/rad.
     at_rest : float, optional
-        Torque at rest, at zero angle and command, N m.
+        Torque at zero rate, angle and command, N m.
     limit : float, optional
         Largest torque in either direction, N m.
     friction : float, optional
@@ -72,7 +75,7 @@ class Law(NamedTuple):
         return np.clip(self.unlimited(command, angle, rate), -self.limit, self.limit)
 
     def unlimited(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
-        """Return the torque on the child [N m] without a limit."""
+        """Return the torque on the child [N m] before it is clipped to the limit."""
         free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
         return free + self.at_rest + self.dry_friction(rate)
 
@@ -105,7 +108,7 @@ class Servo(Motor):
     Parameters
     ----------
     gain : float
-        N m s/rad.
+        Torque per difference of rates, N m s/rad.
     torque_limit : float, optional
         Largest torque, N m; no limit if None.
     armature : float, optional
@@ -114,7 +117,7 @@ class Servo(Motor):
     Raises
     ------
     InputError
-        If the gain or the limit is not positive, or the armature negative.
+        If the gain or the limit is not positive, or the armature is negative.
 
     Examples
     --------
@@ -144,9 +147,9 @@ class PositionServo(Motor):
     Parameters
     ----------
     gain : float
-        N m/rad.
+        Torque per difference of angles, N m/rad.
     damping : float, optional
-        N m s/rad.
+        Damping coefficient, N m s/rad.
     torque_limit : float, optional
         Largest torque, N m; no limit if None.
     armature : float, optional
@@ -155,7 +158,7 @@ class PositionServo(Motor):
     Raises
     ------
     InputError
-        If the gain or the limit is not positive, or another number negative.
+        If the gain or the limit is not positive, or another number is negative.
 
     Examples
     --------
@@ -189,20 +192,20 @@ def _check_common(servo: Servo | PositionServo) -> None:
 class DCMotor(Motor):
     """Drive a hinge with a direct-current motor.
 
-    The command is the fraction of the nominal voltage. Without a limit the torque falls linearly
-    with the rate, also beyond the no-load speed, and a motor that is turned backwards exceeds its
-    stall torque.
+    The command is the voltage as a fraction of the nominal voltage. Without a limit, the torque
+    decreases linearly with the rate, even beyond the no-load speed; a motor that is turned
+    backwards therefore exceeds its stall torque.
 
     Parameters
     ----------
     stall_torque : float
-        Before the gear, N m.
+        Stall torque of the motor before the gear, N m.
     no_load_speed : float
-        Before the gear, rad/s.
+        No-load speed of the motor before the gear, rad/s.
     gear : float, optional
         Turns of the motor per turn of the hinge.
     rotor_inertia : float, optional
-        Before the gear, kg m².
+        Inertia of the motor's rotor before the gear, kg m².
     torque_limit : float, optional
         Largest torque on the hinge, set by the electronics or the gear, N m; no limit if None.
     efficiency : float, optional
@@ -211,13 +214,14 @@ class DCMotor(Motor):
         Current at the no-load speed, A. With stall torque T, no-load current I₀ and stall current
         I, the motor's dry friction is T I₀/(I - I₀).
     stall_current : float, optional
-        Current at rest and the nominal voltage, A.
+        Current of the motor at rest at the nominal voltage, A.
 
     Raises
     ------
     InputError
         If a number is not positive (the rotor's inertia and the no-load current may be 0), if the
-        no-load current reaches the stall current, or if it is given with a torque limit.
+        efficiency exceeds 1, if the no-load current is not below the stall current, or if a no-load
+        current and a torque limit are both given.
 
     Examples
     --------
@@ -260,7 +264,7 @@ class DCMotor(Motor):
     def law(self) -> Law:
         stall = self.efficiency * self.gear * self.stall_torque
         slope = self.gear * stall / self.no_load_speed
-        # The stall torque of a data sheet is measured with this friction.
+        # A data sheet's stall torque is the torque that remains after this friction.
         idle = self.no_load_current
         friction = stall * idle / (self.stall_current - idle) if self.stall_current else 0.0
         limit = self.torque_limit or math.inf
@@ -305,9 +309,9 @@ class Free(Motor):
     Parameters
     ----------
     damping : float, optional
-        N m s/rad.
+        Damping coefficient, N m s/rad.
     stiffness : float, optional
-        Of the spring, N m/rad.
+        Stiffness of the spring, N m/rad.
     rest : float, optional
         Rest angle of the spring, rad.
     armature : float, optional
@@ -318,7 +322,7 @@ class Free(Motor):
     Raises
     ------
     InputError
-        If a number other than the rest angle is negative, or one is not finite.
+        If a number other than the rest angle is negative, or a number is not finite.
 
     Examples
     --------
@@ -348,10 +352,10 @@ class Free(Motor):
 
 @dataclass(frozen=True)
 class Activation:
-    """Activation state w, which the law of an actuator takes in place of the command u.
+    """Activation state w of an actuator, which is the input of its law in place of the command u.
 
-    ẇ = (u - w)/settling, or ẇ = u if settling [s] is None; w starts at `initial` and is clipped to
-    low and high.
+    The equation is ẇ = (u - w)/settling, or ẇ = u if settling [s] is None. w starts at `initial`
+    and is clipped to low and high.
     """
 
     initial: float
@@ -368,7 +372,7 @@ class Activation:
         limit = float(np.clip(last, self.low, self.high))
         if limit == last or not isinstance(u, Constant):
             return Custom(value, u.breakpoints)
-        # w is monotone, and stays at its limit.
+        # For a constant command w is monotone, so it stays at its limit once it gets there.
         from scipy.optimize import brentq  # few commands reach a limit
 
         reached = brentq(lambda t: value(t) - limit, 0.0, end, xtol=_ROOT)
@@ -416,16 +420,16 @@ class Actuator:
     name : str
         Name of the actuator.
     gears : tuple of (str, float)
-        Names of hinges, each with its ratio. The motor's angle is Σ ratio · angle, and a hinge gets
-        ratio times the motor's torque.
+        Names of hinges, each with its gear ratio. The motor's angle is the sum of ratio · angle
+        over the hinges, and each hinge gets the motor's torque times its ratio.
     law : Law
         Torque of the motor, N m.
     command : float, Drive, Custom or callable, optional
-        Input of the law, or of the activation if there is one, as a function of time.
+        Input as a function of time: of the activation if there is one, else of the law.
     activation : Activation, optional
         State between the command and the law.
     within : tuple of 2 floats, optional
-        Least and largest command. A constant command is clipped to them.
+        Least and largest command. A constant command is clipped to this range.
 
     Raises
     ------
@@ -454,7 +458,8 @@ class Actuator:
     def control(self, end: float) -> Rate:
         """Return the input of the law in a run from 0 to `end` [s].
 
-        Raises InputError if a command that changes in time, or its activation, leaves its range.
+        Raises InputError if a command that changes with time leaves its range, or if it makes the
+        activation leave its range.
         """
         if self.activation is None and self.within == NO_LIMITS:
             return self.command
@@ -466,8 +471,8 @@ def _filtered(
 ) -> Rate:
     """Return an actuator's command after its range and activation, in a run to `end` [s].
 
-    A constant command is clipped to its range. Raises InputError if another command leaves its
-    range, or drives the activation out of its range.
+    A constant command is clipped to its range. Raises InputError if a command that changes with
+    time leaves its range, or if it makes the activation leave its range.
     """
     drive = as_drive(command, end)
     if isinstance(drive, Constant):

@@ -1,7 +1,7 @@
 """Scene: a ball with its drives, a rolling model, a plane and a start.
 
-A scene is checked and made exact when it is created, so that every engine starts from the same
-state.
+When a scene is created, it is checked and rounding errors of its start are removed, so that every
+engine starts from the same state.
 """
 
 import math
@@ -51,15 +51,15 @@ if TYPE_CHECKING:
 GRAVITY = 9.81  # m/s², MuJoCo's default
 DOWN = (0.0, 0.0, -1.0)
 SAMPLE_INTERVAL = 0.02  # s, default interval between samples
-_LONG, _LONG_INTERVAL = 1e4, 0.1  # s: longer motions have this interval, to save memory
-_MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
-# Largest error of a given unit vector, right angle or horizontal momentum: the six digits of a
-# figure's caption pass, a wrong number does not. A value that passes is made exact.
+_LONG, _LONG_INTERVAL = 1e4, 0.1  # s: a motion longer than the first has the second as interval
+_MOST_SAMPLES = 1e7  # of a motion; a sample takes some 200 bytes in a file and 120 in memory
+# Largest error of a given unit vector, right angle or horizontal momentum. Numbers with the six
+# digits of a figure's caption pass, wrong numbers do not. A value that passes is made exact.
 _CAPTION = 1e-5
-_START_ROUNDING = 1e-12  # largest rounding error of M, relative to the terms that it is the sum of
-_AT_REST = 1e-6  # times the rate of a ball that falls by its radius: slower hinges are at rest
+_START_ROUNDING = 1e-12  # largest rounding error of M, relative to the terms of the sum M
+_AT_REST = 1e-6  # times the rate of a ball that fell by its radius: slower hinges are at rest
 _RATE_SAMPLES = 501  # times over a scene at which the largest rate of a hinge is sampled
-_SMALL = 0.3  # times |K| + d|Ω|: below it, K and dΩ turn the ball rather than M
+_SMALL = 0.3  # times |K| + d|Ω|: if |M| is smaller, K and dΩ turn the ball rather than M
 
 
 def sample_times(duration: float, interval: float | None = None) -> Array:
@@ -105,9 +105,10 @@ Times = ArrayLike | None
 
 
 def times_of(times: Times, scene: "Scene | None" = None) -> Array:
-    """Return the sample times (n,) that a user asked for, as floats.
+    """Return the sample times (n,) that a user requested, as floats.
 
-    Raises InputError unless they are finite, increasing and from 0, or a positive duration.
+    Raises InputError unless the user gave a positive duration, or times that are finite, increase
+    and start at 0.
     """
     if times is None and scene is not None:
         return scene.times
@@ -139,12 +140,12 @@ class Friction:
     Parameters
     ----------
     sliding : float, optional
-        Largest friction over the normal force. None is as much as rolling needs.
+        Largest friction force divided by the normal force. None means as much as rolling needs.
     torsional : float, m, optional
-        Largest torque about the vertical over the normal force, in the rubber model. None is as
-        much as rolling needs.
+        For the rubber model: largest torque about the vertical divided by the normal force. None
+        means as much as rolling needs.
     rolling : float, m, default 0
-        Torque against rolling over the normal force.
+        Torque that resists rolling, divided by the normal force.
 
     Raises
     ------
@@ -179,10 +180,10 @@ class Start(UserValue):
     attitude : array (4,)
         Quaternion (w, x, y, z) of the frame, frame to world.
     momentum : array (3,)
-        M in world axes, kg m²/s, of the ball as if it did not slip.
+        M that the ball would have if it did not slip, in world axes, kg m²/s.
     slip : array (3,), optional
-        Velocity of the shell's point at the contact along the world's X and Y, m/s, and, in the
-        rubber model, spin of the shell about the vertical, rad/s.
+        Velocity of the shell's point at the contact along the world's X and Y, m/s; third, for the
+        rubber model, the spin of the shell about the vertical, rad/s.
 
     Examples
     --------
@@ -203,7 +204,7 @@ class Start(UserValue):
 
     @cached_array
     def to_world(self) -> Array:
-        """The attitude as a matrix (3, 3), frame to world; its rows are α, β, γ."""
+        """The attitude as a matrix (3, 3), frame to world. The rows of the matrix are α, β, γ."""
         return rotation_matrix(self.attitude)
 
 
@@ -212,9 +213,8 @@ def section_state(
 ) -> tuple[Array, Array]:
     """Return γ (..., 3) and M (..., 3), in principal axes, at section coordinates (5.5).
 
-    L (...) [kg m²/s] and l (...) [rad] give the direction of M, and f [(kg m²/s)²] its square; g
-    [rad] rotates γ about M; c = (M, γ) [kg m²/s]. Raises InputError unless f > 0, L² <= f and
-    c² < f.
+    L (...) [kg m²/s] and l (...) [rad] give the direction of M; f = M² [(kg m²/s)²]; g [rad]
+    rotates γ about M; c = (M, γ) [kg m²/s]. Raises InputError unless f > 0, L² <= f and c² < f.
     """
     if not f > 0:
         raise InputError(f"f = M² must be positive, not {f:g}")
@@ -242,7 +242,7 @@ def aligned(gamma: Array, M: Array) -> tuple[Array, Array]:
 
     OX is opposite to the horizontal part of M: α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²), with
     unit vectors gamma (..., 3) and M (..., 3), both in frame axes. Raises InputError if an M is
-    vertical or zero, because α and β must then be given.
+    vertical or zero, because α and β then do not follow from M and must be given.
     """
     c = (M * gamma).sum(axis=-1, keepdims=True)
     level = M - c * gamma
@@ -256,15 +256,16 @@ def aligned(gamma: Array, M: Array) -> tuple[Array, Array]:
 
 
 def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
-    """Return the quaternions (..., 4) of γ and α (..., 3), world Z and X as unit vectors.
+    """Return the quaternions (..., 4) for γ and α (..., 3), the unit vectors of world Z and X.
 
-    γ and α are in frame axes. Raises InputError unless they are orthogonal.
+    γ and α are in frame axes. Raises InputError unless γ and α are orthogonal.
     """
     cosine = (gamma * alpha).sum(axis=-1, keepdims=True)
     if not np.all(np.abs(cosine) <= _CAPTION):
         worst = cosine.flat[np.abs(cosine).argmax()]
         raise InputError(f"gamma and alpha must be orthogonal, but (gamma, alpha) = {worst:.6g}")
-    # Orthogonal to rounding. γ is kept because the dynamics depend on it; α is only the heading.
+    # Make α orthogonal to γ to rounding. γ is kept, because the dynamics depend on γ, while α is
+    # only the heading.
     alpha = alpha - cosine * gamma
     alpha = alpha / np.linalg.norm(alpha, axis=-1, keepdims=True)
     return from_matrix(np.stack([alpha, np.cross(gamma, alpha), gamma], axis=-2))
@@ -281,8 +282,8 @@ def unit(name: str, v: Array) -> Array:
 def horizontal(M: Array, scale: float) -> Array:
     """Return M (3,) in world axes without its vertical part, which is 0 in the rubber model (3.1).
 
-    scale: size of the terms that M is the sum of [kg m²/s], for its rounding error. Raises
-    InputError if the vertical part exceeds the rounding of a figure's caption.
+    scale: size of the terms whose sum is M [kg m²/s], from which the rounding error of M follows.
+    Raises InputError if the vertical part exceeds the rounding of a figure's caption.
     """
     size, vertical = math.hypot(*M.tolist()), float(M[2])
     if not abs(vertical) <= max(_CAPTION * size, _START_ROUNDING * scale):
@@ -306,11 +307,11 @@ class MovedHinge:
     Attributes
     ----------
     body : Link
-        With its name, axis and pivot, at hinge angles 0.
+        The body with its name, axis and pivot, at hinge angles 0.
     command : Drive
-        Command of the motor as a function of time: `rate(t)` is its value, in the motor's unit.
+        Command of the motor as a function of time; `rate(t)` is the command in the motor's unit.
     motor : Motor or None
-        None: the hinge keeps the commanded rate exactly.
+        The motor. If None, the hinge keeps the commanded rate exactly.
     angle : float, rad; m for a slide
         Initial angle.
     rate : float, rad/s; m/s for a slide
@@ -331,51 +332,52 @@ class MovedHinge:
 
 @dataclass(frozen=True, repr=False)
 class Scene(Value):
-    """Set up one experiment, the same for every engine.
+    """Set up one experiment, which is the same for every engine.
 
     Parameters
     ----------
     name : str
-        One word, for tables and file names.
+        A word that names the scene in tables and file names.
     title : str
-        One line, for plots.
+        A line that describes the scene in plots.
     source : str
         Source of the numbers.
     ball : Ball
         Bodies and hinges, with motors, commands and initial hinge states.
     rolling : {"rubber", "classical"}
-        Rolling model: rubber forbids slipping and spinning about the vertical, classical only
-        slipping.
+        Rolling model. The rubber model forbids slipping and spinning about the vertical; the
+        classical model forbids only slipping.
     start : Start
-        Attitude and momentum. A start that violates the rolling model by rounding is corrected: the
-        attitude becomes a unit quaternion, and M of a rubber ball horizontal.
+        Attitude and momentum. Rounding errors of the start are corrected: the attitude becomes a
+        unit quaternion, and M of a rubber ball becomes horizontal.
     duration : float
         Duration of the motion, s.
     gravity : float, optional
-        m/s².
+        Gravitational acceleration, m/s².
     gravity_direction : tuple of 3 floats, optional
-        Direction of gravity in world axes, with Z normal to the plane. For an inclined plane it has
-        a horizontal part.
+        Direction of gravity in world axes, with Z normal to the plane. If the plane is inclined,
+        this direction has components along X and Y.
     friction : Friction, optional
         Friction of the plane.
     actuators : tuple of Actuator, optional
         Motors that move several hinges through gears, in addition to the motors of the hinges.
     controller : Controller, optional
-        Commands the motors from sensor readings, in place of the commands given here.
+        Controller that commands the motors from sensor readings. Its commands replace those of the
+        hinges and actuators.
     plane_motion : tuple of 3 rates, optional
         Acceleration of the plane along world X, Y and Z, m/s². The plane is at rest at time 0.
-        Contact points and velocities are relative to it; `in_space` returns the position of the
-        ball in space.
+        Contact points and velocities are relative to the plane; `in_space` returns the position of
+        the ball in space.
     plane_rotation : rate, optional
         Rate at which the plane turns about the world's Z axis, rad/s. Contact points and velocities
-        have axes that do not turn.
+        are given in axes that do not turn.
 
     Raises
     ------
     InputError
-        If a number is out of range, the start violates the rolling model, a command is not defined
-        over the duration, an actuator is on a hinge that it cannot move, or a controller has no
-        motor to command.
+        If a number is out of range, if the start violates the rolling model, if a command is not
+        defined over the duration, if an actuator has a hinge that it cannot move, or if there is no
+        motor that the controller could command.
 
     Examples
     --------
@@ -419,7 +421,7 @@ class Scene(Value):
         self._check_motors()
 
     def _exact(self, start: Start) -> Start:
-        """Return a start made exact. Raises InputError if it violates the rolling model."""
+        """Return a start without rounding errors; InputError if it violates the rolling model."""
         if not isinstance(start, Start):
             raise InputError(f"a scene's start must be Start(attitude, momentum), not {start!r}")
         for component in start.momentum.tolist():
@@ -432,7 +434,7 @@ class Scene(Value):
         return Start(attitude, momentum, start.slip)
 
     def _check_slip(self, slip: Array) -> None:
-        """Raise InputError unless the friction of the scene lets the start slip (3,)."""
+        """Raise InputError unless the scene's friction permits the start's slip (3,)."""
         kinds = ("sliding", "sliding", "torsional")
         for value, kind, limit in zip(slip.tolist(), kinds, self.slip_limits, strict=True):
             check_size("the start's slip", value)
@@ -449,7 +451,7 @@ class Scene(Value):
             )
 
     def _check_motors(self) -> None:
-        """Raise InputError unless actuators and the controller have motors to command."""
+        """Raise InputError unless there are hinges that actuators and the controller can move."""
         motorized = [hinge.name for hinge in self.hinges if hinge.motor]
         for actuator in self.actuators:
             for name, ratio in actuator.gears:
@@ -479,7 +481,7 @@ class Scene(Value):
 
     @cached_array
     def principal_axes(self) -> Array:
-        """Rotation (3, 3) from principal to frame axes: v_frame = principal_axes @ v."""
+        """Rotation (3, 3) from principal axes to frame axes: v_frame = principal_axes @ v."""
         return self.ball.principal[1]
 
     @cached_array
@@ -531,13 +533,13 @@ class Scene(Value):
         return (*self.drives, *self.controls, *self.plane_drives, self.plane_turn)
 
     def with_hinges(self, **given: Any) -> "Scene":
-        """Return the scene with the ball of `Ball.with_hinges`."""
+        """Return the scene with new values for fields of its hinges, see `Ball.with_hinges`."""
         return replace(self, ball=self.ball.with_hinges(**given))
 
     def from_start(self, start: Start) -> "Scene":
-        """Return the scene from another start, without computing anything else again.
+        """Return the scene with another start, without computing anything else again.
 
-        It shares all cached properties, which do not depend on the start.
+        The two scenes share all cached properties that do not depend on the start.
         """
         scene = copy(self)
         scene._set(start=self._exact(start))
@@ -548,7 +550,7 @@ class Scene(Value):
         return replace(self, controller=controller)
 
     def check_open(self, format: str) -> None:
-        """Raise InputError if the scene has a controller, which a format cannot hold."""
+        """Raise InputError if the scene has a controller, which the format cannot store."""
         if self.controller is not None:
             line = f"{format} cannot hold a controller; write the scene without it"
             raise InputError(f"{self.name}: {line}")
@@ -556,14 +558,15 @@ class Scene(Value):
     @cached_property
     def robot(self) -> "Robot":
         """The bodies and armatures as numbers for `robotball.robot.mechanics`."""
-        # Balanced scenes with given rates are integrated with (3.2) and (3.3), without mechanics.
+        # Balanced scenes with given rates are integrated with (3.2) or (3.3), which do not need
+        # `robotball.robot.mechanics`.
         from robotball.robot.mechanics import robot_of
 
         return robot_of(self.ball)
 
     @cached_array
     def hinged(self) -> Array:
-        """Initial hinge angles and rates (2, 1, h), one state for `robot`."""
+        """Initial hinge angles and rates (2, 1, h), as one state of `robot`."""
         return np.array([[[h.angle for h in self.hinges]], [[h.rate for h in self.hinges]]])
 
     @property
@@ -593,7 +596,7 @@ class Scene(Value):
     def plane_velocity(self, t: Any, points: Array) -> Array:
         """Return the velocity of the turning plane (..., 3) at points (..., 2) and times t (...).
 
-        It is the velocity along X and Y [m/s], and the rate of the plane [rad/s].
+        Its components are the velocity along X and Y [m/s], and the rate of rotation [rad/s].
         """
         spin = np.asarray(self.plane_turn.rate(t), dtype=float)
         x, y = turntable_velocity(spin, (points[..., 0], points[..., 1]))
@@ -602,8 +605,8 @@ class Scene(Value):
     def slip_of(self, t: Any, points: Array, velocity: Array, turning: Array) -> Array:
         """Return the slip (..., 3) of a shell at points (..., 2) and times t (...).
 
-        It is as in `Start`, relative to the plane. velocity (..., 2): of the sphere's centre [m/s];
-        turning (..., 3): angular velocity of the shell, world axes [rad/s].
+        The slip has the components of `Start.slip`, relative to the plane. velocity (..., 2): of
+        the sphere's centre [m/s]; turning (..., 3): of the shell, world axes [rad/s].
         """
         a, spin = self.ball.radius, turning[..., 2]
         x, y = velocity[..., 0] - a * turning[..., 1], velocity[..., 1] + a * turning[..., 0]
@@ -612,7 +615,7 @@ class Scene(Value):
     def plane_acceleration(self, t: float, x: float, y: float, vx: float, vy: float) -> list[float]:
         """Return the rate of `plane_velocity` at a point (x, y) [m] that moves with (vx, vy) [m/s].
 
-        It is not the acceleration of the plane's matter, as the point moves over the plane.
+        This is not the acceleration of the plane's matter, because the point moves on the plane.
         """
         spin, faster = float(self.plane_turn.rate(t)), float(self.plane_turn.acceleration(t))
         there, moved = turntable_velocity(faster, (x, y)), turntable_velocity(spin, (vx, vy))
@@ -620,9 +623,9 @@ class Scene(Value):
 
     @property
     def start_slip(self) -> Array:
-        """The slip of the start (3,) against a plane that does not turn.
+        """The slip of the start (3,) relative to a plane that does not turn.
 
-        The ball starts at the axis of a turning plane, which turns a rubber shell with it.
+        A ball on a turning plane starts at the plane's axis; a rubber shell turns with the plane.
         """
         of_plane = self.plane_velocity(0.0, np.zeros(2))
         return self.start.slip + (of_plane if self.rolling == "rubber" else 0.0)
@@ -679,9 +682,9 @@ class Scene(Value):
 
     @property
     def slip_limits(self) -> Array:
-        """Coefficients (3,) that limit slip along X and Y, and spin [m]; inf if none does."""
+        """Friction coefficients (3,) along X, along Y and about Z [m]; inf for no limit."""
         slide, spin = self.friction.sliding, self.friction.torsional
-        # A classical shell may spin as it likes.
+        # The classical model does not constrain the spin.
         limits = slide, slide, spin if self.rolling == "rubber" else None
         return np.array([np.inf if limit is None else limit for limit in limits])
 
@@ -698,11 +701,11 @@ class Scene(Value):
 
     @cached_property
     def keeps_momentum(self) -> bool:
-        """True if M is constant in space: balanced, on a level plane that does not brake the ball.
+        """True if M is constant in space.
 
-        The plane may move up and down, but not turn. The ball may slip: sliding friction has no
-        moment about the contact point, and torsional friction none about a horizontal axis. With
-        resistance to rolling M is not constant.
+        This needs a balanced ball on a level plane without resistance to rolling. The plane may
+        move up and down, but not turn. The ball may slip: sliding friction has no moment about the
+        contact point, and torsional friction has no moment about a horizontal axis.
         """
         if self.friction.rolling or self.plane_turns:
             return False
@@ -727,16 +730,16 @@ class Scene(Value):
 
     @cached_property
     def largest_rates(self) -> tuple[float, ...]:
-        """The largest absolute value of each hinge's command over the scene."""
+        """The largest absolute value of each hinge's command over the scene's duration."""
         times = uneven(self.duration, self.duration / _RATE_SAMPLES)
         return tuple(float(np.abs(drive.rate(times)).max()) for drive in self.drives)
 
     @cached_property
     def rate_scales(self) -> tuple[float, ...]:
-        """The unit of relative errors of each hinge's rate: the largest command, unless it is tiny.
+        """The rates by which the errors of each hinge's rate are divided.
 
-        For a command of 0 over the whole scene, the unit is the rate of a ball that falls by its
-        radius.
+        This is the largest command. If the command is 0 over the whole scene, or tiny, it is the
+        rate of a ball that fell by its radius.
         """
         falling, a = math.sqrt(self.gravity / self.ball.radius), self.ball.radius
         units = [a * falling if hinge.body.slides else falling for hinge in self.hinges]
@@ -749,17 +752,17 @@ class Scene(Value):
         return self.controller is None and all(isinstance(d, Constant) for d in self._over_time)
 
     def sampling_error(self, end: float, timestep: float, rule: Rule = SIMPSON) -> float:
-        """Return `sampling_error` of the scene's drives, in steps [s] of a run to `end` [s]."""
+        """Return `sampling_error` of the scene's drives, for steps [s] in a run to `end` [s]."""
         stops = np.array([0.0, *(t for t in self.breakpoints if t < end), end])
         return sampling_error(self._over_time, stops, timestep, rule)
 
     def parameters_at(self, t: float) -> Parameters:
-        """Return the numbers of the equations at time t [s], in principal axes."""
+        """Return the parameters of the equations at time t [s], in principal axes."""
         return parameters_of(self.ball, self.rolling, [float(d.rate(t)) for d in self.drives])
 
     @cached_property
     def parameters(self) -> Parameters:
-        """The numbers of (3.2) or (3.3), in principal axes; InputError unless they are constant."""
+        """The parameters of (3.2) or (3.3), in principal axes; InputError if they change."""
         self.check_reduced()
         if not self.steady:
             raise InputError(f"{self.name}: a drive or the plane varies; use parameters_at(t)")
@@ -771,11 +774,11 @@ class Scene(Value):
 
     @property
     def momentum_scale(self) -> float:
-        """The unit of relative errors of M [kg m²/s]: |M| at the start, unless that is small.
+        """The scale by which errors of M are divided [kg m²/s]: |M| at the start, unless small.
 
-        A ball that starts from rest has M = 0 or rounding. Then K and dΩ turn it and set the scale.
-        If these are zero as well, the scale is M of a ball that falls by its radius. So the scale
-        is proportional to the masses in every unit.
+        For a ball that starts from rest, M is 0 or a rounding error. K and dΩ then turn the ball,
+        so the scale follows from K and dΩ. If K and dΩ are also zero, the scale is M of a ball that
+        fell by its radius. So the scale is proportional to the masses in any unit of mass.
         """
         return self._scale_of(self.start.momentum)
 
@@ -785,7 +788,7 @@ class Scene(Value):
 
     @cached_property
     def _least_scale(self) -> tuple[float, float]:
-        """The least `momentum_scale` at any start, and the scale if both are zero [kg m²/s]."""
+        """The least `momentum_scale` at any start; the scale if M, K and dΩ are 0 [kg m²/s]."""
         falling = self.ball.d * float(np.sqrt(self.gravity / self.ball.radius))
         if self.not_reduced:
             return falling, falling
@@ -795,7 +798,7 @@ class Scene(Value):
         return _SMALL * turned, falling
 
     def angular_velocity_at(self, start: Start) -> Array:
-        """Return ω (3,) of the frame, in frame axes, at any start of this ball [rad/s]."""
+        """Return ω (3,) of the frame at a start of this ball, in frame axes [rad/s]."""
         to_frame = start.to_world.T
         if self.not_reduced:
             angles, rates = self.hinged
@@ -809,7 +812,7 @@ class Scene(Value):
     def momentum_of(self, omega: Array) -> Array:
         """Return M (3,) in world axes for ω (3,) of the frame at the start, in frame axes [rad/s].
 
-        In the rubber model the shell must not spin.
+        In the rubber model, ω must be such that the shell does not spin.
         """
         return np.asarray(self.start.to_world @ self.states_of(omega).momentum(self.rolling)[0])
 

@@ -1,7 +1,7 @@
 """Shapes of bodies: boxes, round shapes, tubes and meshes.
 
-A shape comes from a geom of a MuJoCo model, a part of a scene file or a hand-written part. It
-becomes triangles for drawings without OpenGL, or a geom of MJCF without mass and contact.
+A shape comes from a geom of a MuJoCo model, a part of a scene file or a hand-written part. It is
+converted to triangles for drawings without OpenGL, or to a geom of MJCF without mass and contact.
 """
 
 from collections.abc import Iterable, Iterator
@@ -20,10 +20,10 @@ from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 Kind = Literal["torus", "sphere", "ellipsoid", "capsule", "cylinder", "box", "mesh"]
 
 _ORIGIN = np.zeros(3)
-# mjtGeom of MuJoCo from 2 on; the last is a mesh with a signed distance field.
+# The kinds of MuJoCo's mjtGeom from number 2 on. The last is a mesh with a signed distance field.
 _GEOMS: tuple[Kind, ...] = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "mesh")
 _KINDS = dict(enumerate(_GEOMS, start=2))
-_HIDDEN = 3  # first of the groups that MuJoCo's viewer hides
+_HIDDEN = 3  # the first group of geoms that MuJoCo's viewer hides
 _UNCOLOURED = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default grey
 _CELLS = 400.0  # initial cells along the longest side of a mesh that is thinned
 _RESOLUTION = 48  # points around a torus, and around its tube
@@ -39,8 +39,8 @@ class Shape(Value):
     ----------
     kind : str
     size : (3,)
-        As in MJCF, 0 for a shape that is too thin to have a size. For a torus about z, its radius
-        and the radius of its tube; for a mesh, the factors of its vertices.
+        As in MJCF; 0 for a shape that is too thin to have a size. For a torus about z, the radius
+        of the torus and the radius of its tube; for a mesh, factors of the vertices.
     pos : (3,)
         In the unit of the size: metres for a body, radii of the ball for a picture.
     turn : (4,)
@@ -85,7 +85,7 @@ class Shape(Value):
         return _triangles(self.kind, self.size)
 
     def thinned(self, most: int) -> "Shape":
-        """Return a mesh with at most `most` triangles; vertices in one cell are merged."""
+        """Return a mesh with at most `most` triangles, by merging the vertices in each cell."""
         vertices, faces, cells = self.vertices, self.faces, _CELLS
         while len(faces) > most:
             low = self.vertices.min(axis=0)
@@ -100,7 +100,7 @@ class Shape(Value):
 
 def tube(outer: float, inner: float, length: float) -> Shape:
     """Return a tube about z with its radii and full length; a wall of size 0 is drawn thin."""
-    # Wall and length must not vanish: triangles of area 0 have no normal.
+    # Wall and length must not be 0, because triangles of area 0 have no normal.
     a, b, h = outer, min(inner, 0.98 * outer), max(length, 0.02 * outer) / 2
     section = np.array([(b, -h), (a, -h), (a, h), (b, h), (b, -h)])
     corners = _rotated_shape(section, _AROUND).reshape(-1, 3)
@@ -119,7 +119,7 @@ def shapes_of_geoms(model: Any, data: Any, bodies: Iterable[int]) -> Iterator[Sh
     visible = geoms[model.geom_group[geoms] < _HIDDEN]
     for i in visible if len(visible) else geoms:
         rgba, material = model.geom_rgba[i], model.geom_matid[i]
-        # The colour of a geom takes precedence over its material, unless it is the default.
+        # The colour of a geom takes precedence over its material, unless the colour is the default.
         if material >= 0 and np.all(rgba == _UNCOLOURED):
             rgba = model.mat_rgba[material]
         kind = _KINDS.get(int(model.geom_type[i]))
@@ -141,7 +141,7 @@ def add_geoms(
 ) -> None:
     """Add shapes to a body of MJCF that has the same axes.
 
-    unit: factor of lengths; prefix: of the names of materials.
+    unit: factor of lengths; prefix: put before the names of materials.
     """
     for shape in shapes:
         geom = SubElement(body, "geom", contype="0", conaffinity="0", mass="0")
@@ -154,7 +154,7 @@ def add_geoms(
 
 
 def _asset(assets: Element, shape: Shape, unit: float) -> str:
-    """Return the name of a shape's mesh, which is added unless an equal shape has it."""
+    """Return the name of a shape's mesh. The mesh is added unless an equal shape has added it."""
     radius, tube, _ = shape.size
     if shape.kind == "torus":
         name, scale = f"ring_{radius:.4g}_{tube:.4g}", np.full(3, radius * unit)
@@ -164,7 +164,7 @@ def _asset(assets: Element, shape: Shape, unit: float) -> str:
         vertices, faces = _digits(shape.vertices.ravel()), " ".join(map(str, shape.faces.ravel()))
         scale = shape.size * unit
         name = f"mesh_{crc32((vertices + faces + _digits(scale)).encode()):08x}"
-        # Inertia of a shell, because a visual mesh may be open.
+        # Use the inertia of a shell, because a visual mesh may be open.
         source = {"vertex": vertices, "face": faces, "inertia": "shell"}
     if assets.find(f"mesh[@name='{name}']") is None:
         SubElement(assets, "mesh", {"name": name, "scale": _digits(scale), **source})
@@ -177,7 +177,7 @@ def _digits(numbers: Array) -> str:
 
 def _rotated_shape(section: Array, steps: int) -> Array:
     """Return the triangles (n, 3, 3) of a section (m, 2) of r and z, rotated about z."""
-    # Offset by half a step, so that the four sides of a box face its axes.
+    # The angles are offset by half a step, so that the four sides of a box face its axes.
     angles = 2 * np.pi * (np.arange(steps + 1) + 0.5) / steps
     r, z = section.T
     grid = np.stack(
@@ -199,7 +199,7 @@ def _triangles(kind: Kind, size: Array) -> Array:
         r, steps = (1.0, _AROUND) if kind == "cylinder" else (np.sqrt(2), 4)
         section = np.array([(0.0, -1.0), (r, -1.0), (r, 1.0), (0.0, 1.0)])
         return _rotated_shape(section, steps) * ([a, a, b] if kind == "cylinder" else size)
-    # Only on the shell are steps visible.
+    # Steps are visible only on the shell.
     large = kind != "capsule" and a > 0.5
     rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * _SECTION + 1)
     section, steps = np.column_stack([np.cos(rise), np.sin(rise)]), _AROUND if large else _THIN

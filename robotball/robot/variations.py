@@ -34,10 +34,10 @@ def scaled_body(body: _OneBody, mass: float, length: float = 1.0) -> _OneBody:
 def scaled(
     scene: Scene, *, mass: float = 1.0, length: float = 1.0, gravity: float | None = None
 ) -> Scene:
-    """Return the scene with its masses and lengths multiplied by two factors, and M with them.
+    """Return the scene with its masses and lengths multiplied by two factors.
 
-    Rates and times stay, so momenta are multiplied by mass·length². gravity: its factor; None is
-    the factor of lengths, with which the motion changes only in size.
+    Rates and times stay the same, so M is multiplied by mass·length². gravity: the factor of
+    gravity; None means the factor of lengths, with which only the size of the motion changes.
     """
     return replace(
         scene,
@@ -70,9 +70,9 @@ def gyrostat(
 ) -> Scene:
     """Return the scene with other Ω and K (3,), frame axes, and the same A and mass.
 
-    None keeps a value; rates are in rad/s. By (A.3) the rotor carries K + (J_s + d)Ω, which sets
-    its axis and its rate, or its axis and its inertia if `rotor_rate` is given. The frame gets the
-    rest of the inertia. Raises InputError if no inertia remains for it.
+    None keeps a value; rates are in rad/s. By (A.3) the rotor carries K + (J_s + d)Ω. This
+    determines the rotor's axis and rate, or its axis and inertia if `rotor_rate` is given. The
+    frame gets the rest of the inertia. Raises InputError if no inertia remains for the frame.
     """
     ball = scene.ball
     (rotor,) = ball.rotors

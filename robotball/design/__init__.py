@@ -1,1 +1,1 @@
-"""Bodies that realise requested dynamics, and drives that realise a requested path."""
+"""Find bodies that realise requested dynamics, and drives that realise a requested path."""

@@ -1,26 +1,27 @@
 """Design a ball with the requested A, Ω, K and radius, or report why none exists.
 
-The inertia is divided between shell, frame and as few rotors as possible: a small convex problem.
+The inertia is divided between the shell, the frame and as few rotors as possible. This is a small
+convex problem.
 
 A body enters the equations only through the second moments of its mass, Σ = ∫ r rᵀ dm =
 ½ tr(I) E - I. A body with Σ exists iff Σ is positive (for I: the triangle inequality), and its mass
-m fits within the radius r iff tr Σ <= m r². With s = d + J_s, a shell of equal moments and flat
-rings as rotors (axial inertias j, axes n, rates φ̇) leave to the frame
+m fits within the radius r iff tr Σ <= m r². Let the shell have equal moments J_s and let the rotors
+be flat rings with axial inertias j, axes n and rates φ̇. With s = d + J_s, the frame then gets
 
     2 Σ_frame = P - Σ j (E - n nᵀ),    P = tr(A⁻¹) E - 2 A⁻¹ - s E,
 
-and must provide h = K + sΩ = Σ j φ̇ n. Let w be the largest rate, g = h/w and T = Σ j. The rotors
-return N = Σ j n nᵀ, with trace T and N >= g gᵀ/T. At best, they add τ = T - |g|²/T in the direction
-in which Z = P - T E + g gᵀ/T is smallest. One rotor has T = |g| and τ = 0; two can add all of τ in
-one direction e. A third is useless: if Z has two negative eigenvalues, their sum plus τ increases
-as T decreases. All bounds are concave in (s, T), and almost so along T = |g(s)|, so s is found by
-an ascent, with an ascent in T for each s.
+and the rotors must provide h = K + sΩ = Σ j φ̇ n. Let w be the largest rate, g = h/w and T = Σ j.
+The rotors contribute N = Σ j n nᵀ to 2 Σ_frame, with trace T and N >= g gᵀ/T. At best, they add
+τ = T - |g|²/T in the direction in which Z = P - T E + g gᵀ/T is smallest. One rotor has T = |g| and
+τ = 0; two rotors can add all of τ in one direction e. A third rotor is useless: if Z has two
+negative eigenvalues, their sum plus τ increases as T decreases. All bounds are concave in (s, T),
+and almost concave along T = |g(s)|. So s is found by an ascent, with an ascent in T for each s.
 
 Units in this file: tr(A⁻¹) = 1 [kg m²], shell radius = 1 m.
 
-When no ball exists: let b be the eigenvalues of A⁻¹ and d = m a². The inertia A⁻¹ - d E belongs to
-a body iff d <= Σb - 2 max b (triangle inequality), and its mass fits inside the shell iff
-d >= Σb/5. Both are possible iff max b <= (2/5) Σb.
+For some A no ball exists. Let b be the eigenvalues of A⁻¹ and d = m a². The inertia A⁻¹ - d E
+belongs to a body iff d <= Σb - 2 max b (triangle inequality), and the body's mass fits inside the
+shell iff d >= Σb/5. A mass can satisfy the two conditions iff max b <= (2/5) Σb.
 """
 
 import math
@@ -41,17 +42,17 @@ from robotball.rotations import Array, as_floats
 _MOST_ROTORS = 2  # a third is useless; see the docstring of this file
 # Margin, relative to tr(A⁻¹), below which a design is refused because rounding would decide.
 _LEAST_MARGIN = 1e-9
-ROTOR_SHARE = 0.5  # fraction of the margin that makes a single rotor larger and slower
+ROTOR_SHARE = 0.5  # fraction of the margin by which a single rotor is made larger and slower
 _NO_MOMENTUM = 1e-14  # relative to K: a smaller K + sΩ is zero
 _ROTOR_RADIUS = 0.6  # default, in frame radii
-# Radius allowed to a frame that does not fit, over the least possible one, which would leave the
-# other bounds no margin.
+# Radius allowed to a frame that does not fit, divided by the least possible radius. The least
+# radius itself would leave no margin for the other bounds.
 WIDER = 1.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Bound the bodies of a design. By default only the size of the shell does.
+    """Set bounds on the bodies of a design. By default, the shell's size is the only bound.
 
     Attributes
     ----------
@@ -60,7 +61,7 @@ class Limits:
     frame_radius : float or None, m
         The radius within which the frame must fit. By default the inner radius of the shell.
     rotor_radius : float or None, m
-        The largest radius of a rotor. By default 0.6 of the frame's.
+        The largest radius of a rotor. By default 0.6 times the radius for the frame.
     shell_mass : float, kg
         The least mass of the shell.
     frame_mass : float, kg
@@ -68,9 +69,9 @@ class Limits:
     rotor_mass : float, kg
         The least mass of each rotor.
     shell_thickness : float, m
-        The thickness of a homogeneous shell. 0 is a thin shell.
+        The thickness of a homogeneous shell. A thickness of 0 means a thin shell.
     buildable : bool
-        Whether a ball with mass outside `frame_radius` is refused.
+        True to refuse a ball whose frame needs mass outside `frame_radius`.
 
     Examples
     --------
@@ -108,11 +109,11 @@ class Design:
     limits : Limits
         The limits that the bodies satisfy.
     masses : (float, float), kg
-        The ball's least mass for which all mass fits inside the shell, and its largest mass for
-        which the inertia is physical.
+        The least mass of the ball with which all mass fits inside the shell, and the largest mass
+        of the ball with which its inertia is physical.
     needed_radius : float, m
-        The least radius within which the frame fits, if it exceeds the allowed radius; otherwise
-        the allowed radius.
+        The allowed radius if the frame fits within it, otherwise the least radius within which the
+        frame fits.
 
     Examples
     --------
@@ -134,23 +135,23 @@ class Design:
 
     @property
     def reach(self) -> float:
-        """√(tr Σ/m) of the frame [m], the smallest radius within which its mass fits."""
+        """√(tr Σ/m) of the frame [m], the smallest radius within which the frame's mass fits."""
         frame = self.ball.frame
         return math.sqrt(float(np.trace(frame.inertia)) / 2 / frame.mass)
 
     @property
     def buildable(self) -> bool:
-        """Whether the frame fits within its allowed radius."""
+        """Whether the frame fits within `allowed_radius`."""
         return self.reach <= self.allowed_radius * (1 + ROUNDING)
 
     @property
     def allowed_radius(self) -> float:
-        """Limit of the frame's radius, by default the shell's inner radius [m]."""
+        """Largest allowed radius of the frame [m], by default the shell's inner radius."""
         return self.limits.radii(self.ball.radius)[0]
 
     @property
     def verdict(self) -> str:
-        """One line: whether the ball can be built, and if not, which radius its frame needs."""
+        """One line that says whether the ball can be built, and which radius the frame needs."""
         if self.buildable:
             return (
                 "can be built: all mass fits inside the shell, the frame's within "
@@ -175,10 +176,11 @@ def design(
 ) -> Design:
     """Design a ball with the requested A, Ω and K and as few rotors as possible.
 
-    The shell's axis is along Omega, or z if Omega is zero. The rotors are rings with Σ j φ̇ n = K +
-    (J_s + d)Ω, by (A.3) and K = k - dΩ. No rotor is needed if that can be zero, one if rates are
-    unlimited, and never more than two. The masses satisfy all bounds with the largest margin. A
-    frame that fits, or nearly so, has priority over fewer rotors.
+    The shell's axis is along Omega, or along z if Omega is zero. The rotors are rings with
+    Σ j φ̇ n = K + (J_s + d)Ω, which follows from (A.3) and K = k - dΩ. No rotor is needed if this
+    sum can be zero. One rotor is enough if rates are unlimited, and two are always enough. The
+    masses satisfy all bounds with the largest margin. A frame that fits, or nearly fits, has
+    priority over a smaller number of rotors.
 
     Parameters
     ----------
@@ -198,7 +200,7 @@ def design(
     Returns
     -------
     Design
-        The bodies and their rates.
+        The ball, with the rates of its hinges.
 
     Raises
     ------
@@ -215,7 +217,7 @@ def design(
     """
     limits = Limits() if limits is None else limits
     _check_sizes(radius, mass, limits)
-    # np.linalg.inv is symmetric only up to rounding, and eigvalsh reads one half of the matrix.
+    # np.linalg.inv is symmetric only up to rounding, but eigvalsh reads only half of the matrix.
     B = np.linalg.inv(_symmetric_positive(A))
     B = (B + B.T) / 2
     Omega, K = _vector("Omega", Omega), _vector("K", K)
@@ -223,8 +225,9 @@ def design(
     request = _request(B, Omega, K, radius, mass, limits)
     _check_least_masses(request)
     needed = request.frame_radius
-    # Unless the limits forbid it, a frame that does not fit is still simulated. It exceeds the
-    # least possible radius by 10 %, or by what the fewest rotors need.
+    # Unless the limits forbid it, a ball whose frame does not fit is designed nevertheless, because
+    # it can be simulated. Its frame exceeds the least possible radius by at most 10 %, or by more
+    # if no number of rotors permits this.
     shares = share(request, needed)
     if (
         shares is None
@@ -266,11 +269,12 @@ def describe(design: Design) -> str:
 def redesign(
     scene: Scene, mass: float | None, limits: Limits, numbers: Parameters | None = None
 ) -> tuple[Design, Scene]:
-    """Design bodies for the A, Ω, K and radius of a scene. Return also the scene with them.
+    """Design bodies for the A, Ω, K and radius of a scene. Also return the scene with these bodies.
 
-    mass [kg]: of the ball. By default the best one in the rubber model, and the scene's in the
-    classical model, where (3.3) depends on d = m a², too. numbers: replace the scene's Ω and K. The
-    new scene has no motors. Raises InputError if the rates are not constant or no ball exists.
+    mass [kg]: of the ball. The default is the best mass in the rubber model. In the classical model
+    (3.3) depends on d = m a², so the default is the mass of the scene's ball. numbers: replace the
+    scene's Ω and K. The new scene has no motors. Raises InputError if the rates are not constant or
+    no ball exists.
     """
     if mass is None and scene.rolling == "classical":  # another mass would change the motion
         mass = scene.ball.mass
@@ -318,7 +322,7 @@ def _symmetric_positive(A: ArrayLike) -> Array:
     least = float(np.linalg.eigvalsh(matrix)[0])
     if not least > 0:
         raise InputError(f"the least eigenvalue of A must be positive, not {least:.6g} 1/(kg m²)")
-    # The values must also be moderate, so that products of a few do not overflow.
+    # The values must also be moderate, so that products of a few values do not overflow.
     for value in (least, float(np.abs(matrix).max())):
         check_positive("A", value, "1/(kg m²)")
     return matrix
@@ -334,8 +338,8 @@ def _vector(name: str, v: ArrayLike) -> Array:
 def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
     """Return Σb/5a² and (Σb - 2 max b)/a² [kg] for B = A⁻¹ (3, 3) [kg m²] and radius a [m].
 
-    A ball needs at least the first mass to fit inside its shell, and at most the second to have a
-    physical inertia. If the first exceeds the second, the ball cannot be built.
+    A ball needs at least the first mass to fit inside its shell, and at most the second mass to
+    have a physical inertia. If the first mass exceeds the second, no ball can be built.
     """
     b = np.linalg.eigvalsh(B)
     return float(b.sum()) / 5 / radius**2, float(b.sum() - 2 * b[-1]) / radius**2
@@ -374,8 +378,8 @@ def _check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limit
 class _DesignRequest:
     """Requested numbers and limits, in the units of this file.
 
-    unit: the unit of mass [kg]; B (3, 3): A⁻¹; d: None if the mass is free; shell_factor:
-    J_s/(m_s a²); speed: largest rotor rate; shell, frame, rotor: least masses.
+    unit: the unit of mass [kg]; B (3, 3): A⁻¹; d: None if the mass is not given; shell_factor:
+    J_s/(m_s a²); speed: largest rate of a rotor; shell, frame, rotor: least masses.
     """
 
     unit: float
@@ -398,7 +402,7 @@ class _DesignRequest:
 
     @property
     def smallest_s(self) -> float:
-        """Least d + J_s: with the lightest shell, and d = its mass if the mass is free."""
+        """Least d + J_s: for the lightest shell, with d = the shell's mass if no mass is given."""
         J_s = self.shell_factor * self.shell
         return J_s + (self.shell if self.d is None else self.d)
 
@@ -408,7 +412,7 @@ class _DesignRequest:
 
     @property
     def s_without_rotors(self) -> tuple[float, float] | None:
-        """The interval of s in which h = 0, or None."""
+        """The interval of s in which h = 0, or None if there is none."""
         if not np.any(self.Omega):
             return None if np.any(self.K) else (self.smallest_s, self.largest_s)
         s = float(-self.K @ self.Omega / (self.Omega @ self.Omega))
@@ -462,9 +466,9 @@ def _check_least_masses(request: _DesignRequest) -> None:
 
 @dataclass(frozen=True)
 class _Shares:
-    """Masses of the bodies, and the rings' axial inertias (n,) and axes (n, 3).
+    """Masses of the bodies, and axial inertias (n,) and axes (n, 3) of the rings.
 
-    margin: of the tightest bound, relative to tr(A⁻¹).
+    margin: the margin of the tightest bound, relative to tr(A⁻¹).
     """
 
     margin: float
@@ -478,7 +482,7 @@ class _Shares:
 def share(request: _DesignRequest, frame_radius: float) -> _Shares | None:
     """Return the shares with the fewest rotors and the frame within `frame_radius`, or None.
 
-    Among these it returns the one with the largest margin.
+    Among all such shares, return those with the largest margin.
     """
     for n in _rotor_counts(request):
         s, T, margin = _best(request, n, frame_radius)
@@ -488,8 +492,8 @@ def share(request: _DesignRequest, frame_radius: float) -> _Shares | None:
 
 
 def _rotor_counts(request: _DesignRequest) -> range:
-    # In order of preference. With unlimited rates a rotor can be arbitrarily light, and a second
-    # one does not help.
+    # In order of preference. With unlimited rates a rotor can be arbitrarily light, so a second
+    # rotor does not help.
     return range(2 if np.isinf(request.speed) else 1 + _MOST_ROTORS)
 
 
@@ -503,7 +507,7 @@ def _best(request: _DesignRequest, n: int, frame_radius: float) -> tuple[float, 
         g = np.linalg.norm(request.momentum(s), axis=-1) / request.speed
         if n < 2:
             return n * g
-        most = np.maximum((1 - 3 * s) / 2, g)  # there tr(2 Σ_frame) = tr P - 2T vanishes
+        most = np.maximum((1 - 3 * s) / 2, g)  # at the first, tr(2 Σ_frame) = tr P - 2T is 0
         return _peak(lambda T: _margin(request, n, frame_radius, s[..., None], T), g, most, 9, 7)
 
     def margin(s: Array) -> Array:
@@ -515,8 +519,9 @@ def _best(request: _DesignRequest, n: int, frame_radius: float) -> tuple[float, 
 
 def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rounds: int) -> Array:
     """Return the maximum (...) of a concave f, vectorised over (..., points), in [low, high]."""
-    # Each round narrows the interval to 2/(points - 1): 25 points and 6 rounds reach 3e-7, 9 and 7
-    # 6e-5. Grids instead of a scalar search, because T is searched for all s of a round at once.
+    # Each round narrows the interval to 2/(points - 1) of its length: 25 points in 6 rounds reach
+    # 3e-7, 9 points in 7 rounds 6e-5. Grids replace a scalar search, because T is searched for all
+    # s of a round at once.
     u = np.linspace(0.0, 1.0, points)
     for _ in range(rounds):
         at = low[..., None] + (high - low)[..., None] * u
@@ -531,27 +536,28 @@ def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rou
 def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
     """Return the margin (...) at s and T (...), positive iff all bounds are satisfied.
 
-    It is the largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
-    m_shell >= least + t, and a single rotor's inertia larger than necessary by t ROTOR_SHARE. Each
-    element of `bounds` is one of these, linear in t, solved for t.
+    The margin is the largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² -
+    tr Σ_frame >= t, m_shell >= least + t, and a single rotor's inertia larger than necessary by
+    t ROTOR_SHARE. Each element of `bounds` is one of these bounds, linear in t, solved for t.
     """
     c, slower = request.shell_factor, ROTOR_SHARE if n == 1 else 0.0
     Z, tau = _Z(request, *np.broadcast_arrays(s, T))
     z = np.linalg.eigvalsh(Z)
-    # Two rings add τ in the direction in which Z is smallest; then another may be the smallest.
+    # Two rings add τ in the direction in which Z is smallest. Then another direction may be the
+    # smallest.
     flattest = z[..., 0] if n < 2 else np.minimum(z[..., 0] + tau, z[..., 1])
     bounds = [flattest / (1 + slower)]
     if request.d is None:
-        # The shell has its least mass plus t.
+        # The mass of the shell is the least mass plus t.
         others, others_per_t = s - (1 + c) * request.shell, 1 + c
     else:
         shell = (s - request.d) / c
         others, others_per_t = request.d - shell, 0.0
         bounds.append(shell - request.shell)
     trace = (1 - 3 * s) / 2 - T  # of Σ_frame: tr P = 1 - 3s, and a ring takes 2j of tr 2Σ
-    # A bound whose left side decreases by k t is satisfied if its value at t = 0 is at least
-    # (1 + k) t: hence the divisors. The rotors' mass follows from their inertia or their least
-    # masses; for two, `by_inertia` is too large by at most one least mass.
+    # If the left side of a bound decreases by k t, the bound is satisfied if its value at t = 0 is
+    # at least (1 + k) t; hence the divisors. The rotors' mass follows from their inertia or from
+    # their least masses; for two rotors, `by_inertia` is too large by at most one least mass.
     by_inertia = T / request.rotor_radius**2 + (n - 1) * request.rotor
     least = np.asarray(n * request.rotor)
     for rotors, per_t in ((by_inertia, slower / request.rotor_radius**2), (least, 0.0)):
@@ -615,8 +621,8 @@ def _two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
 
 
 def _refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputError:
-    """Return the reason why no shares exist although inertia and least masses would allow some."""
-    # Lift each condition in turn: the one without which shares exist is the reason.
+    """Return the reason why no shares exist although inertia and least masses would permit some."""
+    # Drop each condition in turn. If shares exist without a condition, it is the reason.
     within = request.frame_radius if limits.buildable else math.inf
     any_speed = replace(request, speed=math.inf)
     if _largest_margin(any_speed, within) > _LEAST_MARGIN:
@@ -650,10 +656,10 @@ def _least_frame_radius(request: _DesignRequest) -> float:
 def _least(largest_margin: Callable[[float], float], too_small: float) -> float:
     """Return the least value of a bound for which shares exist, to four digits.
 
-    They must exist for a large bound, and not for `too_small`.
+    Shares must exist for a large bound, and must not exist for the bound `too_small`.
     """
 
-    # In terms of 1/bound the search interval is finite.
+    # Search for 1/bound, for which the search interval is finite.
     def margin(per_bound: float) -> float:
         return largest_margin(1 / per_bound if per_bound else math.inf) - _LEAST_MARGIN
 
@@ -672,11 +678,11 @@ def _ball(shares: _Shares, B: Array, Omega: Array, K: Array, radius: float, limi
         Rotor(float(unit * m), float(trace * j), float(trace * j) / 2, n)
         for m, j, n in zip(shares.rotor_masses, shares.axial_inertias, shares.axes, strict=True)
     )
-    # The frame absorbs rounding, so that the whole ball has exactly the requested numbers.
+    # The frame gets the rounding errors, so that the whole ball has exactly the requested numbers.
     d = (shell_mass + frame_mass + sum(rotor.mass for rotor in rotors)) * radius**2
     others = shell.inertia + sum((rotor.inertia for rotor in rotors), np.zeros((3, 3)))
     frame = Frame(frame_mass, B - d * np.eye(3) - others)
-    rates = [limits.rotor_speed] * len(rotors)  # both of two rotors turn at the largest rate
+    rates = [limits.rotor_speed] * len(rotors)  # if there are two, both turn at the largest rate
     if len(rotors) == 1:
         h = K + (J_s + d) * Omega
         rates = [float(np.linalg.norm(h)) / rotors[0].axial_inertia]

@@ -1,9 +1,10 @@
 """Find the drives that roll a robot's contact point along a wanted path.
 
-The path determines the horizontal angular velocity of the shell, because it does not slip. M is
-known from its equation, so (L, h) = 𝓜u gives equations for the hinge rates at every time: two in
-the rubber model, and three in the classical model, where the shell's spin is unknown, too. If there
-are more hinges, the solution with the least energy is taken.
+The path determines the horizontal angular velocity of the shell, because the shell does not slip.
+M follows from its differential equation, so (L, h) = 𝓜u gives equations for the hinge rates at
+every time. There are two equations in the rubber model, and three in the classical model, in which
+the shell's spin is also unknown. If there are more hinges than needed, the solution with the least
+energy is taken.
 
 `shortfalls` reports torques, rates and friction beyond the robot's limits.
 """
@@ -29,17 +30,17 @@ from robotball.theory.multibody.derivative import HINGES, MOMENTUM, Readings, re
 from robotball.theory.multibody.system import System
 from robotball.theory.plane import check_no_turn
 
-_FINE = 2001  # points of a path, whose chords add up to its length; 4e-7 too short for a circle
-# Fraction of the duration to wait before and after the path. Hanging weights must lean before the
-# ball starts, and swing out after it stops.
+_FINE = 2001  # points of a path; the sum of the chords is 4e-7 too short for a circle
+# Fraction of the duration to wait before and after the path. Hanging weights must swing to one side
+# before the ball starts, and come to rest after it stops.
 _WAITING = 0.05
-_ASTRAY = 1e100  # a larger state is useless, and its square would be infinite
-_INTERVAL = 0.04  # s between the drives' samples, which are interpolated with cubics
-_TOLERANCE = 1e-7  # of the integration; the drives' interpolation alone leaves 3e-5 m
+_ASTRAY = 1e100  # a larger state is useless, and the square of a much larger one is infinite
+_INTERVAL = 0.04  # s between the samples of a drive, which are interpolated with cubics
+_TOLERANCE = 1e-7  # of the integration; the interpolation of the drives has an error of 3e-5 m
 _BVP_TOLERANCE, _MOST_NODES = 1e-5, 20_000
 _SINGULAR = 1e-4  # ratio of singular values below which the hinges cannot move the ball
-_BALANCED, _ITERATIONS = 1e-13, 20  # rad, the last change of angles in balance; 4 are usual
-_FASTEST = 1e4  # rad/s, beyond any motor: needed only close to a singularity
+_BALANCED, _ITERATIONS = 1e-13, 20  # last change of the angles [rad], iterations (usually 4)
+_FASTEST = 1e4  # rad/s, faster than any motor; reached only close to a singularity
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class WantedPath:
 
     @property
     def length(self) -> float:
-        """Length of the curve, as a sum of chords [m]."""
+        """Length of the curve [m], computed as a sum of chords."""
         points = np.array([self.point(u) for u in np.linspace(0, 1, _FINE).tolist()])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
@@ -65,7 +66,7 @@ def straight(length: float) -> WantedPath:
 
 
 def circle(radius: float, turns: float = 1.0) -> WantedPath:
-    """Return a circle of a radius [m] that bends left, or right if turns < 0."""
+    """Return a circle of the given radius [m] that bends left, or right if turns < 0."""
     check_positive("the circle's radius", radius, "m")
     check_size("the circle's turns", turns)
     if turns == 0:
@@ -82,7 +83,7 @@ def circle(radius: float, turns: float = 1.0) -> WantedPath:
 
 
 def eight(size: float) -> WantedPath:
-    """Return a figure eight that crosses itself at the origin and extends `size` [m] both ways."""
+    """Return a figure eight that crosses at the origin and extends `size` [m] to each side."""
     check_positive("the figure's size", size, "m")
     turn = 2 * np.pi
 
@@ -113,8 +114,8 @@ def through(points: Sequence[Sequence[float]]) -> WantedPath:
 class _Steered:
     """The drives that roll a robot along a path.
 
-    scene: the robot with these drives, starting from rest, its hinge rates prescribed; times (n,)
-    [s]; rates (n, h) of the hinges [rad/s]; wanted (n, 2): contact point [m].
+    scene: the robot with these drives as prescribed hinge rates, starting from rest; times (n,)
+    [s]; rates (n, h) of the hinges [rad/s]; wanted (n, 2): wanted contact points [m].
     """
 
     scene: Scene
@@ -124,17 +125,17 @@ class _Steered:
 
 
 def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
-    """Find the drives that take a robot along a path, from rest to rest, in a duration [s].
+    """Find the drives that move a robot along a path, from rest to rest, in a duration [s].
 
-    Hinges with a rate or a motor are driven. The shell starts as in the scene, hanging weights in
-    equilibrium. Raises InputError for fewer than two driven hinges, rolling friction, or if the
-    hinges cannot roll the ball as wanted at some time.
+    Hinges with a rate or a motor are driven. The shell starts as in the scene, and hanging weights
+    start in equilibrium. Raises InputError if there are fewer than two driven hinges, if there is
+    rolling friction, or if at some time the hinges cannot roll the ball as wanted.
     """
     check_positive("the duration", duration, "s")
     check_no_turn(scene, "steering")
     if scene.friction.rolling:
         raise InputError(f"{scene.name}: steering does not support rolling friction; set it to 0")
-    # Hinges with neither rate nor motor are fixed; free ones cannot be driven.
+    # Hinges with neither rate nor motor are fixed; hinges with a `Free` motor cannot be driven.
     driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
     if driven.sum() < 2:
         line = f"has {driven.sum()} driven hinges and needs two; give more hinges a rate or a motor"
@@ -154,7 +155,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
         title=f"{scene.title}, steered along the {path.name}",
         ball=scene.ball.with_hinges(command=samples, motor=[None] * len(samples), angle=y[7:, 0]),
         duration=duration,
-        # Of the solution, which satisfies the boundary conditions up to a tolerance.
+        # Take the start of the solution, which satisfies the boundary conditions to a tolerance.
         start=Start(y[:4, 0] / np.linalg.norm(y[:4, 0]), np.zeros(3)),
     )
     return _Steered(steered, times, rates, way.point(times))
@@ -179,8 +180,8 @@ def _check_reach(scene: Scene, times: Array, rates: Array, reach: Array) -> None
 def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> list[str]:
     """Return a line for each limit of the robot or plane that the motion exceeds.
 
-    robot: the scene with its motors and friction; motion: of the steered scene; rate_limit: of
-    every hinge [rad/s].
+    robot: the scene with its motors and friction; motion: the motion of the steered scene;
+    rate_limit: the largest allowed rate of every hinge [rad/s].
     """
     lines, loads = [], motion.loads
     for i, hinge in enumerate(robot.hinges):
@@ -212,11 +213,11 @@ class _Way:
         none = [None] * len(driven)
         held = scene.with_hinges(motor=none, command=np.zeros(len(driven)))
         self.held = replace(held.ideal, plane_motion=(0.0, 0.0, 0.0))
-        # No rate, and a unit rate of each driven hinge.
+        # The trials: all rates 0, then a unit rate of each driven hinge.
         self.trials = np.vstack([np.zeros(len(driven)), np.eye(len(driven))[driven]])
         self._systems = lru_cache(maxsize=4)(self._system)
         wait = _WAITING * duration
-        # Quintic: acceleration is continuous at both ends, and so are torques.
+        # With a quintic ramp, accelerations and torques are continuous at both ends.
         self.part = Ramp(initial=0.0, final=1.0, start=wait, end=duration - wait, shape="quintic")
 
     def start(self) -> Array:
@@ -229,7 +230,7 @@ class _Way:
         return np.array([self.path.point(u) for u in self._parts(times)])
 
     def _parts(self, times: Array) -> list[float]:
-        # A solver may evaluate slightly beyond the ends, where a spline would extrapolate.
+        # A solver may use times slightly beyond the ends, where a spline would extrapolate.
         return np.clip(self.part.rate(times), 0.0, 1.0).tolist()
 
     def rolling(self, times: Array) -> Array:
@@ -252,8 +253,8 @@ class _Way:
     ) -> tuple[Array, Readings]:
         """Return derivatives (n, size) and readings of states y (7 + h, n) at hinge rates (n, h).
 
-        standing: on a shell at rest, and with accelerations in place of rates. The first of the
-        `trials` also accelerates the shell about the vertical.
+        standing: whether the shell is at rest; then there are accelerations in place of rates, and
+        the first of the `trials` also accelerates the shell about the vertical.
         """
         system = self._systems(len(rates), standing)
         inputs, state = system.inputs, np.zeros((len(rates), system.size))
@@ -274,7 +275,8 @@ class _Way:
     def rates(self, times: Array, y: Array) -> tuple[Array, Array]:
         """Return the rates (n, h) of the hinges in states y (7 + h, n), and their reach (n,).
 
-        This is the ratio of the least to the largest singular value of the map to the rolling.
+        The reach is the ratio of the least to the largest singular value of the map from hinge
+        rates to rolling.
         """
         n, d, rubber = len(times), len(self.trials) - 1, self.scene.rolling == "rubber"
         every, trials = np.repeat(y, d + 1, axis=1), np.tile(self.trials, (n, 1))
@@ -284,7 +286,8 @@ class _Way:
         turning = turning.reshape(n, d + 1, 3)
         right = self.rolling(times) - turning[:, 0]
         left = (turning[:, 1:] - turning[:, :1]).transpose(0, 2, 1)
-        # In unknowns scaled by each hinge's inertia, the least-norm solution has the least energy.
+        # If the unknowns are scaled by the inertia of each hinge, the least-norm solution has the
+        # least energy.
         weights = 1 / np.sqrt(self._inertias(every, trials))
         left *= weights[:, None, 1:]
         if rubber:
@@ -299,8 +302,7 @@ class _Way:
         return rates, singular[:, -1] / singular[:, 0]
 
     def rate(self, times: Array, y: Array) -> Array:
-        """Return dy/dt (7 + h, n); NaN for states that are astray, so that solvers reject them."""
-        # Written with ~ so that NaN counts as astray.
+        """Return dy/dt (7 + h, n); NaN for useless states, so that solvers reject them."""
         astray = ~(np.abs(y).max(axis=0) < _ASTRAY)
         if astray.any():
             y = np.where(astray, self.start()[:, None], y)
@@ -312,7 +314,7 @@ class _Way:
 
 def _forward(way: _Way, times: Array) -> Array:
     """Return y (7 + h, n), integrated forward from the start."""
-    # Gravity exerts no torque on a balanced ball, so no weight can fall over.
+    # Gravity exerts no torque on a balanced ball, so no weight can fall to one side.
     span, off = (0.0, float(times[-1])), _TOLERANCE
 
     def rate(t: float, y: Array) -> Array:
@@ -332,8 +334,8 @@ def _no_drives(way: _Way) -> InputError:
 def _bounded(way: _Way, times: Array) -> Array:
     """Return the bounded solution y (7 + h, n) for hanging weights.
 
-    Integrated forward in time a weight would fall over, so M = 0 is imposed at the end. The initial
-    guess is a weight that hangs straight down.
+    If it were integrated forward in time, a weight would fall over. So M = 0 is imposed at the end.
+    In the initial guess, the weights hang straight down.
     """
     # In the rubber model M is horizontal: its third component is 0 and not an unknown.
     count, start = 3 if way.scene.rolling == "classical" else 2, way.start()
@@ -366,7 +368,7 @@ def _hanging(way: _Way, times: Array) -> Array:
     e = way.scene.ball.shell.axis
     y = np.tile(start[:, None], len(times))
     shell = turned(start[:4], -start[7] * e)
-    # Without slip the attitude depends on the whole path, so it is integrated in small steps.
+    # Without slip, the attitude depends on the whole path, so it is integrated in small steps.
     fine = 8  # steps between two times, enough for an initial guess
     y[7:, 0] = start[7:]
     for i in range(len(times)):
@@ -408,7 +410,8 @@ def _balanced(way: _Way, shell: Array, angles: Array, first: bool) -> Array:
     driven = angles[way.driven]
     if first:
         driven = minimize(height, driven, method="BFGS", jac=True).x
-    # The minimum of the height is flat and gives half the digits, the horizontal offset all.
+    # The minimum of the height is flat and gives only half of the digits of the angles. The zero of
+    # the horizontal offset gives all digits.
     for _ in range(_ITERATIONS):
         centre, slopes = off(driven)
         change = np.linalg.pinv(slopes[:2]) @ centre[:2]

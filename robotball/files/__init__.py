@@ -1,9 +1,9 @@
 """Read and write scenes, bodies and motions; open the user's files safely.
 
 `contents` and `opened` read only regular files, up to a size limit; `readable` turns a reader's
-errors into an InputError. `json_text` writes any result as strict JSON: results follow long
-computations, so a value without a JSON equivalent becomes null, a list, an object or its text.
-`replacing` writes files; the other modules implement the formats.
+errors into an InputError. `json_text` writes any result as strict JSON. A value without a JSON
+equivalent becomes null, a list, an object or a text, because an error would lose the results of a
+long computation. The module `replacing` writes files; the other modules implement the formats.
 """
 
 import errno
@@ -25,7 +25,7 @@ from robotball.errors import InputError
 MB = 1e6  # bytes
 _MAX_BYTES = 10_000_000  # of a scene, robot or record file; catalog scenes have at most 1.4 kB
 _MAX_DEPTH = 100  # nested lists and objects in JSON; readers may refuse more
-_MAX_BITS = 1024  # of an integer; more would overflow a float
+_MAX_BITS = 1024  # of an integer; an integer with more bits would overflow a float
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Exceptions that readers raise for damaged, too deeply nested or foreign bytes. Readers' own error
 # classes are recognized by module name, because not all of these modules are loaded.
@@ -67,7 +67,8 @@ def as_path(name: str, path: object) -> Path:
 def opened(path: Path, longest: int = _MAX_BYTES) -> Iterator[BinaryIO]:
     """Open a regular file of at most `longest` bytes for reading; links are followed.
 
-    Raises InputError, naming the path, for a file that is longer or unreadable, a device or a pipe.
+    Raises InputError with the path if the file is longer or cannot be read, or if it is a device or
+    a pipe.
     """
     try:
         status = path.stat()
@@ -88,20 +89,20 @@ def opened(path: Path, longest: int = _MAX_BYTES) -> Iterator[BinaryIO]:
 def json_text(value: object, indent: int | None = None) -> str:
     """Return a value as JSON text, on one line if `indent` is None.
 
-    NaN, infinities and integers beyond the range of a float become null, enumeration members their
-    value, dataclasses and msgspec structs objects, arrays and other collections lists, and any
-    other value its text.
+    NaN, infinities and integers beyond the range of a float become null. Members of enumerations
+    become their values, dataclasses and msgspec structs become objects, arrays and other
+    collections become lists, and any other value becomes its text.
     """
     return json.dumps(_plain(value), indent=indent, ensure_ascii=False)
 
 
 def embedded_json(value: object) -> str:
-    """Return JSON that cannot end a script element of a page: `<` is escaped."""
+    """Return JSON in which `<` is escaped, so that it cannot end a script element of a page."""
     return json_text(value).replace("<", "\\u003c")
 
 
 def _plain(value: Any, above: tuple[int, ...] = ()) -> Any:
-    """Return a value as JSON types; above: ids of the containers around it."""
+    """Return a value as JSON types. above: ids of the containers that contain the value."""
     try:
         match value:
             case None | bool():
@@ -116,7 +117,7 @@ def _plain(value: Any, above: tuple[int, ...] = ()) -> Any:
                 return float(value) if math.isfinite(value) else None
             case _ if id(value) in above or len(above) >= _MAX_DEPTH or isinstance(value, bytes):
                 return _text(value)
-            case _ if hasattr(value, "tolist"):  # NumPy is not imported here, nor is msgspec
+            case _ if hasattr(value, "tolist"):  # this module imports neither NumPy nor msgspec
                 inside = value.tolist()
                 return _text(value) if inside is value else _plain(inside, (*above, id(value)))
             case Mapping():
@@ -130,7 +131,7 @@ def _plain(value: Any, above: tuple[int, ...] = ()) -> Any:
             case _:
                 return _text(value)
         return {_key(key): _plain(item, (*above, id(value))) for key, item in items}
-    except Exception:  # raised by a method of the object; the other results must not be lost
+    except Exception:  # a method of the object failed; the other results must not be lost
         return _text(value)
 
 

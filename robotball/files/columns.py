@@ -2,9 +2,9 @@
 
 Numbers are restored to the last bit. The CSV reader accepts what simulators write: any delimiter,
 comments, a line of units, a byte order mark. The numbers of nested records, such as JSON lines and
-the messages of a ROS bag, become columns, named by the keys that lead to them, such as
-"imu.angular_velocity.x". A list beside names, as in a JointState, uses these:
-"joint_states.roll_joint.position".
+the messages of a ROS bag, become columns. A column's name consists of the keys that lead to the
+number, such as "imu.angular_velocity.x". If a record has names for the numbers of a list, such as a
+JointState, the column has such a name instead of an index: "joint_states.roll_joint.position".
 """
 
 import contextlib
@@ -27,18 +27,18 @@ from robotball.files.replacing import replacing
 from robotball.robot.drives import Samples
 from robotball.rotations import Array
 
-_COMMENT = ("#", "%", "//")  # of Python and gnuplot, MATLAB, C++
-_CHUNK = 20_000  # lines read at once, to keep the text of a long file out of memory
+_COMMENT = ("#", "%", "//")  # begin of a comment in Python and gnuplot, in MATLAB, in C++
+_CHUNK = 20_000  # lines read at once, because the text of a long file would fill the memory
 _LONGEST = 4_000_000_000  # bytes of a file; a one-day motion sampled every 20 ms takes 2.5e9 as CSV
-_MAX_MEMORY = 1_000_000_000  # bytes of all numbers; that motion takes 0.9e9
+_MAX_MEMORY = 1_000_000_000  # bytes of all numbers; the one-day motion takes 0.9e9
 _FLOAT_BYTES = 8
-# JSON members of an NPZ and metadata keys of a Parquet file; in a CSV, units are in the header.
+# Names of JSON members of an NPZ and of metadata of a Parquet file. A CSV has units in its header.
 _HEADER, _UNITS = "header", "units"
-_LONGEST_LIST = 8  # numbers of a list that become columns; covariances and images are longer
+_LONGEST_LIST = 8  # lists with more numbers, such as covariances and images, are left out
 _DEEPEST = 16  # nested keys
 _NS = 1_000_000_000
 RECORDS = "records"  # header entry of a table whose rows may lack any column
-# Units that need no conversion. The drive decides if its values are rates, angles or torques.
+# Units that need no conversion. Whether values are rates, angles or torques depends on the drive.
 _TIME, VALUES = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
 
 _Line = tuple[int, str]  # line number, from 1, and text
@@ -46,7 +46,7 @@ _Line = tuple[int, str]  # line number, from 1, and text
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of equal length, their units and the texts of the header, keyed by name."""
+    """Columns of equal length, units of columns, and texts of the header, each by name."""
 
     columns: Mapping[str, Array]
     units: Mapping[str, str]
@@ -62,7 +62,7 @@ def write_table(path: Path, table: Table) -> None:
 
 
 def read_table(path: Path, gaps: bool = False) -> Table:
-    """Return the table in a file. Raises InputError, naming the file, if it holds no valid table.
+    """Return the table in a file. Raises InputError with the file's name if it is not valid.
 
     gaps: whether empty cells of a text file are read as NaN; otherwise they are an error.
     """
@@ -91,7 +91,7 @@ def _of_suffix(path: Path, functions: Mapping[str, Any]) -> Any:
 def read_samples(path: Path) -> Samples:
     """Return the samples of a drive from a file with two columns, time [s] and value.
 
-    Raises InputError, naming the file, if it holds anything else or a unit other than SI.
+    Raises InputError with the file's name if the file has other content or units other than SI.
     """
     table = read_table(path)
     if len(table.columns) != 2:
@@ -106,7 +106,7 @@ def read_samples(path: Path) -> Samples:
 
 
 def _write_csv(path: Path, table: Table) -> None:
-    """Write the header as comment lines `# name: text`, one per line of a text."""
+    """Write a CSV file. Each line of a header's text becomes a comment line `# name: text`."""
     texts = {**table.header, _UNITS: json.dumps(dict(table.units), ensure_ascii=False)}
     lines = [f"# {name}: {line}" for name, text in texts.items() for line in text.split("\n")]
     lines.append(",".join(table.columns))
@@ -117,12 +117,12 @@ def _write_csv(path: Path, table: Table) -> None:
 
 
 def _read_csv(file: BinaryIO, empty: str) -> Table:
-    """Return the table in a CSV file. Raises InputError if it is not a table.
+    """Return the table in a CSV file. Raises InputError if the file is not a table.
 
-    The column names may be in a comment, and a line of units may follow them. Decimal commas are
-    accepted if another character separates the cells.
+    The column names may be in a comment, and a line of units may follow the names. Decimal commas
+    are accepted if another character separates the cells.
     """
-    # -sig: Excel writes a byte order mark, which would become a part of the first name.
+    # utf-8-sig, because Excel writes a byte order mark, which would become part of the first name.
     try:
         with io.TextIOWrapper(file, "utf-8-sig") as text:
             return _table(enumerate(text, 1), empty)
@@ -131,7 +131,7 @@ def _read_csv(file: BinaryIO, empty: str) -> Table:
 
 
 def _table(lines: Iterator[_Line], empty: str) -> Table:
-    # One pass in chunks. Comments are collected on the way: they may hold units and column names.
+    # Read the file once, in chunks, and collect comments, which may have units and column names.
     comments: list[str] = []
     rows = _data_lines(lines, comments)
     start = [*islice(rows, 1)]
@@ -146,7 +146,7 @@ def _table(lines: Iterator[_Line], empty: str) -> Table:
             raise InputError("add a line with the names of the columns, such as t,x,y,qw,qx,qy,qz")
     else:
         names, start = first, [*islice(rows, 1)]
-        # A line without any number below the names holds the units.
+        # If the line after the names has no number, it has the units.
         if start and not any(map(_is_number, _cells(start[0][1], delimiter))):
             units_below = dict(zip(names, _cells(start.pop()[1], delimiter), strict=False))
     if len(set(names)) < len(names):
@@ -164,7 +164,7 @@ def _table(lines: Iterator[_Line], empty: str) -> Table:
 
 
 def _data_lines(lines: Iterable[_Line], comments: list[str]) -> Iterator[_Line]:
-    """Yield the lines with data. Comment lines are appended to `comments`; empty ones skipped."""
+    """Yield the lines with data. Append comment lines to `comments`, and skip empty lines."""
     for number, line in lines:
         stripped = line.strip()
         if stripped.startswith(_COMMENT):
@@ -174,7 +174,7 @@ def _data_lines(lines: Iterable[_Line], comments: list[str]) -> Iterator[_Line]:
 
 
 def _header(comments: list[str]) -> dict[str, str]:
-    """Return the comments of the form `name: text`; repeated names continue a text."""
+    """Return the comments of the form `name: text`. A repeated name continues the name's text."""
     texts: dict[str, list[str]] = {}
     for line in comments:
         match = re.match(r"(\w+):(?: (.*))?$", line)
@@ -191,7 +191,7 @@ def _units_of(text: str) -> dict[str, str]:
 
 def _delimiter(line: str) -> str | None:
     """Return the character that separates the cells of a line; None is white space."""
-    # The comma comes last: beside semicolons or tabs it is a decimal comma.
+    # Try the comma last: if a line has semicolons or tabs, commas are decimal commas.
     return next((mark for mark in (";", "\t", ",") if mark in line), None)
 
 
@@ -246,7 +246,7 @@ def _json_members(table: Table) -> dict[str, str]:
 
 def _write_npz(path: Path, table: Table) -> None:
     members: dict[str, Any] = {**_json_members(table), **table.columns}
-    with path.open("wb") as file:  # given a path, NumPy would add its own suffix
+    with path.open("wb") as file:  # if NumPy got a path, it would add a suffix
         np.savez(file, allow_pickle=False, **members)
 
 
@@ -261,7 +261,7 @@ def _read_records(read: Callable[[BinaryIO], dict[str, Array]], file: BinaryIO) 
 def _read_npz(file: BinaryIO) -> Table:
     # Unpickling could run arbitrary code.
     with np.load(file, allow_pickle=False) as members:
-        # Checked before unpacking: a few kB of zeros may unpack to gigabytes.
+        # Check the size before unpacking: a few kB of zeros may unpack to gigabytes.
         _check_size(sum(member.file_size for member in members.zip.filelist))
         # NumPy returns a member that is not an array as bytes.
         arrays = {name: np.asarray(members[name]) for name in members.files}
@@ -277,19 +277,19 @@ def _check_size(size: int) -> None:
 
 
 def _texts(member: Any) -> dict[str, str]:
-    """Return the texts of a JSON object, keyed by name; {} if the member holds something else."""
+    """Return the texts of a JSON object by name; {} if the member is not a JSON object."""
     try:
         content = json.loads(str(member))
     except ValueError:
         return {}
-    # Another program's member of the same name may hold any JSON.
+    # A member of this name may come from another program and have any JSON.
     if not isinstance(content, dict):
         return {}
     return {str(name): str(text) for name, text in content.items()}
 
 
 def _columns(arrays: Mapping[str, Any]) -> Iterator[tuple[str, Array]]:
-    """Yield columns (n,) unchanged, and the columns of an array (n, k) as `name.0`, `name.1`, …."""
+    """Yield columns (n,) unchanged, and an array (n, k) as columns `name.0`, `name.1`, …."""
     for name, array in arrays.items():
         if array.dtype.kind not in "fiub":
             continue  # not numeric: other data of the simulator
@@ -358,7 +358,7 @@ def _numbers_in(value: Any, name: str = "", depth: int = 0) -> Iterator[tuple[st
 
 
 def _columns_of(rows: list[dict[str, float]]) -> dict[str, Array]:
-    """Return the columns of records; NaN in records that do not have a number."""
+    """Return the columns of records, with NaN for each number that a record does not have."""
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
 
@@ -377,7 +377,7 @@ def _read_json_lines(file: BinaryIO) -> dict[str, Array]:
 
 
 def _read_bag(file: BinaryIO) -> dict[str, Array]:
-    """Return the columns of a ROS bag: one row for each time stamp, the time in ns."""
+    """Return the columns of a ROS bag, with one row for each time stamp; times are in ns."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -398,7 +398,7 @@ def _read_bag(file: BinaryIO) -> dict[str, Array]:
 
 def _read_mat(file: BinaryIO) -> dict[str, Array]:
     """Return the columns of a MATLAB file: its longest vectors, and matrices with as many rows."""
-    from scipy.io import loadmat  # late: it takes a tenth of a second
+    from scipy.io import loadmat  # late: the import takes a tenth of a second
 
     try:
         members = loadmat(file.name, appendmat=False, simplify_cells=True)

@@ -1,7 +1,7 @@
 """Write files completely or not at all.
 
-`replacing` writes to a temporary file beside the target and renames it at the end, so nobody ever
-finds half a file.
+`replacing` writes to a temporary file beside the target and renames that file at the end, so
+readers never find half a file.
 """
 
 import contextlib
@@ -25,8 +25,8 @@ _UNFINISHED: set[Path] = set()  # temporary files of this process, for `remove_u
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path. Its file replaces `path` when the block ends without an error.
 
-    Missing folders are created, and links are followed. A device, a pipe and standard output (`-`)
-    are written to instead of replaced. Raises InputError if `path` cannot be written.
+    Missing folders are created, and links are followed. A device, a pipe or standard output (`-`)
+    is not replaced; the content is written into it. Raises InputError if `path` cannot be written.
     """
     with refused(path):
         if no_regular_file(path):
@@ -38,8 +38,9 @@ def replacing(path: Path) -> Iterator[Path]:
             return
         target = followed(path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        # The stem and suffix are cut so that the longest allowed name stays allowed. Random digits
-        # instead of the process number, which may be the same on machines that share the folder.
+        # The stem and suffix are cut, so that the temporary name is not too long if the target has
+        # the longest allowed name. The name has random digits instead of the process number, which
+        # may be the same on machines that share the folder.
         unique = os.urandom(8).hex()
         temporary = target.with_name(f".{path.stem[:20]}.{unique}{path.suffix[:20]}")
         with _unfinished(temporary):
@@ -89,7 +90,7 @@ def followed(path: Path) -> Path:
 
 
 def is_own(folder: Path) -> bool:
-    """Return whether only this user, its owner, can write to a folder, and owns any link to it."""
+    """Return whether this user owns a folder and any link to it, and only this user can write."""
     status = folder.stat()
     return (
         folder.lstat().st_uid == status.st_uid == os.getuid()
@@ -101,9 +102,9 @@ def is_own(folder: Path) -> bool:
 def foreign_in(folder: Path) -> Path | None:
     """Return the first entry of a folder of executed code that others could change, or None.
 
-    Entries must belong to this user and not be writable by others, nor by a group that can enter
-    the folder, unless they have hard links elsewhere. A symbolic link may point to a file of root.
-    Hidden files, such as locks, are skipped.
+    An entry must belong to this user. Other users must not be able to write to it, nor a group that
+    can enter the folder, except if the entry has hard links elsewhere. A symbolic link may point to
+    a file of root. Hidden files, such as locks, are skipped.
     """
     if not is_own(folder):
         return folder
@@ -121,7 +122,7 @@ def foreign_in(folder: Path) -> Path | None:
                 if stat.S_ISLNK(status.st_mode):
                     try:
                         status, owners = entry.stat(), [os.getuid(), 0]
-                    except OSError:  # a dangling link, from which nothing can be loaded
+                    except OSError:  # a link to a missing file, from which nothing can be loaded
                         continue
                 shared = stat.S_ISREG(status.st_mode) and status.st_nlink > 1
                 group = stat.S_IWGRP if shared else 0
@@ -142,6 +143,6 @@ def _write_into(path: Path, whole: Path) -> None:
                 shutil.copyfileobj(text, file)
         elif sys.__stdout__ is not None:
             sys.__stdout__.flush()
-            # A reader such as `head` may close the pipe early; that is not an error.
+            # It is not an error if a reader such as `head` closes the pipe early.
             with contextlib.suppress(BrokenPipeError), open(1, "wb", closefd=False) as file:
                 shutil.copyfileobj(text, file)

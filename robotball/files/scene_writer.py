@@ -1,7 +1,7 @@
-"""Write a scene as TOML in full precision: `load_scene` reads the same scene to the last bit.
+"""Write a scene as TOML in full precision, so that `load_scene` restores it to the last bit.
 
-The scene becomes the records of `scene_tables`, and these become text: scalars first, then one
-table per body. Bodies are written with mass, centre and inertia, even if they had parts.
+The scene is converted to the records of `scene_tables`, and the records to text: scalars first,
+then one table per body. Bodies are written with mass, centre and inertia, even if they had parts.
 """
 
 import json
@@ -22,7 +22,8 @@ from robotball.rotations import Array
 
 # At rest means M = 0 in the paper, but ω = 0 to a robot's builder.
 _REST_COMMENT = "  # M = 0; ω is not, where frame or rotors turn"
-# Written even if they have their defaults, because a reader expects a direction and its point.
+# These keys are written even if they have default values, because a human reader expects an axis to
+# have a direction and a point.
 _ALWAYS = ("axis", "pivot")
 
 
@@ -66,7 +67,7 @@ def start_keys(start: Start) -> dict[str, Any]:
 
 
 def _shell(shell: Shell) -> tables.ShellTable:
-    # "thin" if it is exact, because the reader uses the same formula.
+    # Write "thin" if this is exact. The reader uses the same formula.
     thin = shell_inertia(shell.radius, shell.mass)
     axial, transverse = shell.axial_inertia, shell.transverse_inertia
     is_thin = (axial, transverse) == (thin, thin)
@@ -88,7 +89,7 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
     """Return the keys of a hinge and of its body."""
     body, motor = hinge.body, hinge.motor
     if isinstance(body, Rotor):
-        # The moments of its tensor would be rounded.
+        # Moments that were computed from the rotor's tensor would be rounded.
         inertia: Any = tables.Axial(axial=body.axial_inertia, transverse=body.transverse_inertia)
     else:
         inertia = [_numbers(row) for row in body.inertia]
@@ -113,7 +114,7 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
         keys[kind.command] = _command(hinge.command)
     if motor is not None:
         # A field of 0 or None has no effect, the same as a missing key.
-        values = astuple(cast(Any, motor))  # each is a dataclass
+        values = astuple(cast(Any, motor))  # every motor is a dataclass
         keys.update({k: v for k, v in zip(kind.keys, values, strict=True) if v})
     return keys
 
@@ -132,8 +133,8 @@ def text_of(table: tables.SceneTable) -> str:
 
 
 def _lines(table: tables.Table) -> Iterator[str]:
-    """Yield the lines of a table: its keys, then the tables in it with their names."""
-    # The keys of a body come before the keys of its hinge, which the records inherit.
+    """Yield the lines of a table: its keys, then the inner tables with their names."""
+    # Write the keys of a body before the keys of its hinge, which the record inherits.
     in_hinge = HingeTable.__struct_fields__
     for field in sorted(msgspec.structs.fields(table), key=lambda field: field.name in in_hinge):
         name, value = field.name, getattr(table, field.name)
@@ -162,7 +163,7 @@ def _value(value: Any) -> str:
         return f"{{ {', '.join(f'{k} = {_value(v)}' for k, v in keys.items())} }}"
     if isinstance(value, tuple | list):
         texts = [_value(item) for item in value]
-        # Inline tables must be on one line in TOML, lists need not.
+        # In TOML, an inline table must be on one line; a list may have several lines.
         if isinstance(value[0], tuple | tables.Table):
             return "\n".join(["[", *(f"    {row}," for row in texts), "]"])
         return f"[{', '.join(texts)}]"
@@ -170,5 +171,5 @@ def _value(value: Any) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return a text with the escapes of TOML: the escapes of JSON, and DEL."""
+    """Return a text with the escapes of TOML, which are the escapes of JSON and that of DEL."""
     return json.dumps(text, ensure_ascii=False)[1:-1].replace("\x7f", "\\u007f")

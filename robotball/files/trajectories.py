@@ -1,8 +1,8 @@
 """Write motions as tables, and read trajectories written by any simulator.
 
-A motion of robotball is stored with all arrays as named columns, and a header with its scene and
-engine. A foreign trajectory needs time and position; many column names and units are
-recognized and converted to SI.
+A motion of robotball is stored with all arrays as named columns, and with a header that has the
+scene and the engine. A trajectory from another program needs time and position. Many column names
+and units are recognized and converted to robotball's names and to SI units.
 """
 
 import json
@@ -26,8 +26,8 @@ FORMAT = "robotball motion 1"  # header entry of a file with all arrays of a mot
 _ArrayPath = tuple[str, ...]  # names of nested fields of a motion
 Units = dict[str, float]  # each unit in SI units
 
-# Column names without unit, brackets, capitals and separators; * stands for the last letter. Then
-# the names of arrays (n, k), whose columns an NPZ holds as name.0, name.1, …
+# Recognized column names, without unit, brackets, capitals and separators; * stands for the last
+# letter. After them the names of arrays (n, k), whose columns an NPZ holds as name.0, name.1, …
 _NAMES = {
     ("x", "y", "z"): (
         "* p* pos* *pos position* pose* poseposition* translation*",
@@ -82,20 +82,21 @@ _UNIT_ALIASES = {
 _NOT_UNIT = 0.02  # deviation from unit length above which a quaternion is refused
 _SINGLE_PRECISION = 1e-6  # deviation from unit length below which no note is given
 _NO_UNIT = ("", "-", "1")
-_LETTERS = 2  # of the end of a title, which are too few to recognize it
+_LETTERS = 2  # an end of a title with so few letters is too short to be recognized
 _EPOCH = (1e9, 4e9)  # s, time stamps of the years 2001 to 2096
-_APART = 2.0  # s, largest interval of rows with such time stamps
-# Least median intervals of whole numbers that count these: 1 to 200 Hz for ms, 1 kHz for µs.
+_APART = 2.0  # s, largest interval between rows with such time stamps
+# Least median intervals of times that are whole numbers of these units: 1 to 200 Hz for ms, 1 kHz
+# for µs.
 _TICKS = {"ns": 9e5, "us": 9e2, "ms": 5.0}
-_MANY = 1000  # readings, of which whole seconds would take a quarter of an hour
+_MANY = 1000  # readings; at one reading per second they would take a quarter of an hour
 
 
 @dataclass(frozen=True)
 class _Array:
-    """An array of a motion: its path, the names of its columns, their unit and dimension.
+    """An array of a motion: its path, the names and the unit of its columns, and its dimension.
 
-    dimension: "" for an array (n,), else the name of its second dimension. Vectors in world axes
-    and in frame axes have dimensions of different names.
+    dimension: "" for an array (n,), else the name of the array's second dimension. The dimension of
+    vectors in world axes has another name than that of vectors in frame axes.
     """
 
     path: _ArrayPath
@@ -165,8 +166,9 @@ def write_motion(
     arrays: Mapping[_ArrayPath, Array],
     timestep: float | None = None,
 ) -> None:
-    """Write a motion; arrays: keyed by their path in `Motion`; engine: its label as a mapping.
+    """Write a motion to a file.
 
+    arrays: the motion's arrays by their path in `Motion`; engine: the engine's label as a mapping;
     timestep: of a contact engine [s]. Raises InputError if the file cannot be written.
     """
     columns: dict[str, Array] = {}
@@ -198,14 +200,14 @@ def arrays_of(table: Table, scene: Scene) -> dict[_ArrayPath, Array]:
         if missing:
             raise InputError(f"not a motion of {scene.name}: it lacks {', '.join(missing)}")
         columns = [table.columns[name] for name in layout.columns]
-        # A single hinge has one column as well, and an array (n, 1).
+        # With a single hinge, an array (n, 1) also has one column.
         arrays[layout.path] = np.stack(columns, axis=1) if layout.dimension else columns[0]
     return arrays
 
 
 @dataclass(frozen=True)
 class Trajectory(Value):
-    """Hold a ball's motion read from a file, in SI units, with the file's frames and origins.
+    """Hold a ball's motion read from a file, in SI units, in the file's axes and from its origin.
 
     Attributes
     ----------
@@ -226,7 +228,7 @@ class Trajectory(Value):
     header : mapping of str to str, or None
         The header of the file.
     notes : tuple of str
-        One line for each conversion made while reading, such as of a unit.
+        One line for each conversion made while reading, such as the conversion of a unit.
 
     Examples
     --------
@@ -254,16 +256,17 @@ class Trajectory(Value):
 def read_trajectory(path: str | Path, names: Mapping[str, str] | None = None) -> Trajectory:
     """Read a trajectory written by any simulator.
 
-    The file needs time and position, and attitude for all but its path. Many column names and units
-    are recognized and converted to SI.
+    The file needs time and position. Without attitude, only the path can be compared. Many column
+    names are recognized, and many units are converted to SI.
 
     Parameters
     ----------
     path : str or Path
         A CSV, NPZ, Parquet, JSON lines or MATLAB file, or a ROS bag.
     names : mapping of str to str, optional
-        Our names of columns by their titles in the file, or the ends of these, such as
-        {"base.px": "x [mm]"}.
+        Names for columns that are not recognized, such as {"base.px": "x [mm]"}. A key is the
+        column's title in the file, or the end of the title. A value is robotball's name, with the
+        unit unless it is SI.
 
     Returns
     -------
@@ -273,8 +276,8 @@ def read_trajectory(path: str | Path, names: Mapping[str, str] | None = None) ->
     Raises
     ------
     InputError
-        If columns are missing, a unit is unknown, numbers are not finite, times do not increase, or
-        quaternions do not have unit length. The message names the file.
+        If a column is missing, a unit is unknown, a number is not finite, the times do not
+        increase, or a quaternion does not have unit length. The message names the file.
 
     Examples
     --------
@@ -326,9 +329,10 @@ def _trajectory_of(table: Table, name: str, names: Mapping[str, str]) -> Traject
 
 @dataclass(frozen=True)
 class Recognized:
-    """Columns by our names in SI units, other columns by title, and a note for each conversion.
+    """Recognized columns by robotball's names in SI units, other columns by title, and notes.
 
-    titles, units: of `columns` in the file; a unit is "" if the file names none.
+    There is a note for each conversion. titles, units: the titles and units that `columns` have in
+    the file; a unit is "" if the file does not name it.
     """
 
     columns: dict[str, Array]
@@ -341,16 +345,16 @@ class Recognized:
 def recognized(table: Table, more: dict[str, Units], names: Mapping[str, str]) -> Recognized:
     """Return the recognized columns of a table.
 
-    more: the units of further columns, which are recognized by these names alone; names: our names
-    of columns, by their titles in the file or the ends of these. Raises InputError if a title or a
-    name is unknown, or two columns stand for the same.
+    more: the units of further columns by name; these columns are recognized by exactly this name.
+    names: as in `read_trajectory`. Raises InputError if a title or a name is unknown, or if two
+    columns stand for the same quantity.
     """
     known = _UNITS | more
     renamed = {_title_of(old, table): new for old, new in names.items()}
     for new in map(_without_unit, renamed.values()):
         if new[0] not in known:
             raise unknown("column of a log", new[0], known)
-    found: dict[str, tuple[int, str, str | None]] = {}  # rank, title and unit by our name
+    found: dict[str, tuple[int, str, str | None]] = {}  # rank, title and unit by robotball's name
     for title in table.columns:
         ours = renamed.get(title)
         rank, name, unit = (0, *_without_unit(ours)) if ours else _parsed(title, known)
@@ -379,7 +383,7 @@ def recognized(table: Table, more: dict[str, Units], names: Mapping[str, str]) -
 
 
 def _title_of(end: str, table: Table) -> str:
-    """Return the title of a column that is `end`, or the only one that ends with it."""
+    """Return the title that is equal to `end`, or the only title that ends with `end`."""
     titles = [t for t in table.columns if t == end or t.endswith((f"/{end}", f".{end}"))]
     if end not in titles and len(titles) != 1:
         raise unknown("column of the file", end, titles or table.columns)
@@ -387,7 +391,10 @@ def _title_of(end: str, table: Table) -> str:
 
 
 def _timed(columns: dict[str, Array], units: dict[str, str]) -> list[str]:
-    """Add nanoseconds to the times in place, and convert times without a unit by their size."""
+    """Add a column of nanoseconds to the times in place; convert times without a unit.
+
+    The unit is inferred from the size of the times.
+    """
     times, fraction = columns["t"], columns.pop("nanosec", None)
     whole = bool((times == np.round(times)).all())
     if fraction is not None and whole and (fraction < 1e9).all():
@@ -407,12 +414,12 @@ def _timed(columns: dict[str, Array], units: dict[str, str]) -> list[str]:
 
 
 def from_first(times: Array) -> tuple[Array, str]:
-    """Return times that count from the first row, and a note that says so."""
+    """Return times that count from the first row, and a note about the change."""
     return times - times[0], f"t is counted from the first row, at {times[0]:.12g} s in the file"
 
 
 def _attitude_of_angles(columns: dict[str, Array], units: Mapping[str, str]) -> list[str]:
-    """Replace roll about X, pitch about Y and yaw about Z, the last, with a quaternion."""
+    """Replace roll about X, then pitch about Y, then yaw about Z with a quaternion."""
     there = [name for name in _ANGLES if name in columns]
     angles = np.array([columns.pop(name) for name in there])
     if len(there) < len(_ANGLES) or "qw" in columns:
@@ -442,7 +449,7 @@ def _parsed(title: str, known: Mapping[str, Units]) -> tuple[int, str | None, st
     ends = [".".join(parts[i:]) for i in range(len(parts))]
     for end in ends:
         if end is not bare and len(end) <= _LETTERS:
-            break  # `linear.x` is no position
+            break  # `linear.x` is not a position
         name = _ALIASES.get(_plain(end))
         if name is None and "_" in end:
             first, _, last = end.rpartition("_")
@@ -477,7 +484,7 @@ def _made_si(
         unit = _unit_name(units.get(name, ""))
         if unit in _NO_UNIT or name not in columns or not known:
             continue  # a column without a unit is in SI units
-        size = re.fullmatch(r"([\d.]+(?:e[+-]?\d+)?) (.+)", unit)  # of one count: 0.061 deg/s
+        size = re.fullmatch(r"([\d.]+(?:e[+-]?\d+)?) (.+)", unit)  # one count is 0.061 deg/s
         if size and _unit_name(size[2]) in known:
             known = known | {unit: float(size[1]) * known[_unit_name(size[2])]}
         if unit not in known:
@@ -501,7 +508,7 @@ def _check_finite(name: str, column: Array, times: Array) -> None:
 def check_increasing(times: Array) -> None:
     if len(times) < 2:
         raise InputError(f"{len(times)} row of numbers; at least two rows are needed")
-    # Only the first fault: the others mostly follow from it.
+    # Report only the first fault, because later faults are mostly its consequences.
     late = np.flatnonzero(np.diff(times) <= 0)
     if len(late):
         row, before, after = int(late[0]) + 1, *times[late[0] :][:2]
@@ -526,7 +533,7 @@ def to_unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
 
 
 def together(columns: Mapping[str, Array], names: tuple[str, ...]) -> Array | None:
-    """Return the columns of these names (n, k), or None. Raises InputError if some are missing."""
+    """Return the columns of these names (n, k); None if all are missing, InputError if some are."""
     present = [name for name in names if name in columns]
     if present and len(present) < len(names):
         raise InputError(f"give all of {', '.join(names)}, or none; found {', '.join(present)}")

@@ -1,1 +1,1 @@
-"""Scene files: how `load_scene` reads them, and what their keys mean."""
+"""Scene files: how `load_scene` reads scene files, and what the keys of scene files mean."""

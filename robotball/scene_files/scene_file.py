@@ -1,8 +1,8 @@
 """Read scenes from TOML: the catalog in scenes/ and users' files.
 
-msgspec decodes a file into the records of `scene_tables`, which check the keys. This file makes a
-Scene of them: bodies and hinges, then the start. `scene_keys` explains errors, and is loaded only
-for one.
+msgspec decodes a file into the records of `scene_tables`, which check the keys. This module makes a
+Scene of the records: bodies and hinges, then the start. `scene_keys` explains errors, and is loaded
+only if there is an error.
 """
 
 import itertools
@@ -43,7 +43,7 @@ from robotball.rotations import Array, Z, direction, rotation_matrix, z_along
 
 CATALOG = Path(__file__).parent.parent / "scenes"
 _HungTable = tables.FrameTable | tables.RotorTable | tables.PendulumTable
-_THIN = 1e-9  # of m a², added to the moments of a body whose mass lies on a line
+_THIN = 1e-9  # times m a²: added to the moments of a body whose mass lies on a line
 _SIGNS = [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=3)]
 _START_FORMS = (
     "(1) section; (2) gamma and momentum; (3) attitude, or gamma and alpha, with one of momentum, "
@@ -59,7 +59,7 @@ def catalog() -> list[str]:
     Returns
     -------
     list of str
-        Sorted names for `load_scene`.
+        The names, sorted, for `load_scene`.
 
     Examples
     --------
@@ -83,8 +83,8 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     name : str or Path
         A catalog name, or the path of a TOML, MJCF or URDF file.
     controls : mapping of str to rate, optional
-        Rates for the actuators of a model file, by actuator name, which replace the controls in the
-        file. A rate is a number, a drive or a function of time.
+        Controls for the actuators of a model file, by actuator name. They replace the controls in
+        the file. A control is a number, a drive or a function of time.
 
     Returns
     -------
@@ -94,13 +94,14 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     Raises
     ------
     InputError
-        If there is no such scene or file, or if the file is invalid. The message names the file and
-        the key.
+        If there is no such scene or file, or if the file is invalid. The message names the file
+        and the invalid key.
 
     Warns
     -----
     SceneWarning
-        If no workshop could build a body, or if a number seems to be in another unit.
+        If a body needs mass outside the shell, so that it cannot be built, or if a number seems to
+        be in another unit.
 
     Examples
     --------
@@ -109,7 +110,7 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     >>> scene.rolling, scene.ball.radius
     ('rubber', 1.0)
     """
-    # Catalog names come first: a file of that name has a suffix or a folder.
+    # Catalog names have priority: to load a file of such a name, give its suffix or folder.
     path = as_path("a scene", name)
     if str(name) in catalog():
         path = CATALOG / f"{name}.toml"
@@ -120,7 +121,7 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
     elif path.suffix == ".toml":
         scene = read_scene(path, contents(path), controls)
     else:
-        with suppress(OSError):  # a name that no file can have
+        with suppress(OSError):  # raised for a name that no file can have
             if path.exists():
                 from robotball.user_model.sandbox import check_format
 
@@ -136,9 +137,10 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
 
 
 def scene_schema() -> dict[str, Any]:
-    """Return the JSON schema of scene files, with which editors complete and check them.
+    """Return the JSON schema with which editors complete and check scene files.
 
-    It describes scenes of bodies or numbers, and not files that name a robot's own model file.
+    The schema describes scenes that give bodies, or A, Omega and K. It does not describe scene
+    files that name an MJCF or URDF file of a whole robot.
 
     Returns
     -------
@@ -154,15 +156,16 @@ def scene_schema() -> dict[str, Any]:
     draft = "https://json-schema.org/draft/2020-12/schema"
     schema = msgspec.json.schema(tables.SceneTable)
     for record in schema["$defs"].values():
-        # Docstrings, which Python indents differently before 3.13.
+        # The descriptions are docstrings, which Python indents differently before 3.13.
         record["description"] = cleandoc(record.get("description", ""))
     return {"$schema": draft, **_plain_lists(schema)}
 
 
 def _plain_lists(schema: Any) -> Any:
-    """Return the schema with `items` in place of `prefixItems`, whose items are all alike here.
+    """Return the schema with `items` in place of `prefixItems`, because all items are alike here.
 
-    TOML editors know draft 7 only, in which the `items: false` beside them refuses every list.
+    TOML editors support only draft 7. In draft 7, the `items: false` that accompanies `prefixItems`
+    would refuse every list.
     """
     if isinstance(schema, list):
         return [*map(_plain_lists, schema)]
@@ -174,8 +177,8 @@ def _plain_lists(schema: Any) -> Any:
 
 
 def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | None = None) -> Scene:
-    """Return the scene of a TOML file's text; the path names it. Raises InputError."""
-    # Invalid UTF-8, integers with thousands of digits, too many nested brackets.
+    """Return the scene of a TOML file's text. Raises InputError. path: of the file."""
+    # Errors are raised for invalid UTF-8, huge integers, or too many nested brackets.
     with readable(f"{path}: not TOML"):
         keys = msgspec.toml.decode(text)
     return read_keys(path, keys, controls)
@@ -184,7 +187,7 @@ def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | Non
 def read_keys(
     path: Path, keys: Mapping[str, Any], controls: Mapping[str, Rate] | None = None
 ) -> Scene:
-    """Return the scene of a decoded file; the path names it. Raises InputError."""
+    """Return the scene of a decoded file. Raises InputError. path: of the file."""
     try:
         if "robot" in keys or controls:
             from robotball.user_model.robot_scene import scene_of_robot
@@ -200,7 +203,7 @@ def read_keys(
 
 def _scene(path: Path, keys: Mapping[str, Any]) -> Scene:
     table = msgspec.convert(keys, tables.SceneTable)
-    # TOML has nan and inf.
+    # Check for nan and inf, which are valid numbers in TOML.
     for key, value in numbers_in(msgspec.to_builtins(table)):
         check_size(key, value)
     ball = _ball(table, path.parent)
@@ -224,7 +227,7 @@ def _scene(path: Path, keys: Mapping[str, Any]) -> Scene:
 
 
 def _ball(table: tables.SceneTable, folder: Path) -> Ball:
-    """Return the ball of a scene's bodies, or one designed for its numbers."""
+    """Return the ball with a scene's bodies, or a ball designed for the scene's numbers."""
     if (numbers := table.numbers) is not None:
         if table.shell or table.frame or table.rotor or table.pendulum:
             raise InputError("a scene needs bodies or [numbers], not both")
@@ -249,7 +252,7 @@ def _shell(table: tables.ShellTable, solids: list[Solid]) -> Shell:
     # Parts or a file alone may make a shell.
     if not solids or table.wall_keys:
         shell = Shell(radius, *table.wall(), axis, table.offset)
-        if not solids:  # exact; the moments of its tensor would be rounded
+        if not solids:  # take the moments as given; those of a tensor would be rounded
             return shell
         solids.append(Solid(shell.mass, shell.centre, shell.inertia))
     solid = composed(solids)
@@ -269,14 +272,14 @@ def _hinge(name: str, table: _HungTable, radius: float, folder: Path) -> Hinge:
     drive = DRIVES[table.drive]
     command = getattr(table, drive.command) if drive.command else None
     with named(name):
-        # A missing command is 0: a hinge without keys does not turn.
+        # A missing command means 0, so a hinge without keys does not turn.
         rate = rate_of(0.0 if command is None else command, folder)
         motor = _motor(drive.motor, drive.keys, table) if drive.motor else None
     return Hinge(body, rate, motor, table.initial_angle, table.initial_rate)
 
 
 def _motor(name: str, keys: tuple[str, ...], table: tables.HingeTable) -> Any:
-    """Return a motor of a class in `motors`, with its own defaults for missing keys."""
+    """Return a motor of a class in `motors`, with the default values of the class."""
     from robotball.robot import motors
 
     motor = getattr(motors, name)
@@ -297,7 +300,7 @@ def _body(
         solid, pivot = _solid(name, table, Z, radius, solids), np.array(table.pivot)
         return Pendulum(solid.mass, solid.inertia, solid.centre, axis, pivot, shapes=solid.shapes)
     solid = _solid(name, table, axis, radius, solids)
-    if (given := table.inertia) is not None:  # exact; the moments of its tensor would be rounded
+    if (given := table.inertia) is not None:  # as given; moments of a tensor would be rounded
         moments = given.axial, given.transverse
     else:
         moments = solid.moments_about(name, axis, "pendulum")
@@ -318,7 +321,8 @@ def _solid(name: str, table: _HungTable, axis: Array, radius: float, solids: lis
     if table.part and not least > SYMMETRIC * largest:
         if isinstance(table, tables.RotorTable):
             raise InputError(f"{name}'s parts lie on its axis, so {name} has no axial moment")
-        # A point or a thin rod: MuJoCo's bodies need moments, and these keep RK4 at order 4.
+        # A point or a thin rod has moments of 0. MuJoCo needs positive moments, and with these RK4
+        # still has order 4.
         solid = replace(solid, inertia=solid.inertia + _THIN * solid.mass * radius**2 * np.eye(3))
     solid.check_within(name, radius)
     return solid
@@ -345,14 +349,14 @@ def solid_of(part: tables.Part, axis: Array = Z) -> Solid:
 
     match part:
         case tables.Point():
-            # Its inertia comes from its position, when parts are composed.
+            # The inertia of a point comes from its position, when parts are composed.
             centre = np.array(part.centre)
             dot = Shape("sphere", np.zeros(3), centre)
             return Solid(part.mass, centre, np.zeros((3, 3)), math.hypot(*part.centre), (dot,))
         case tables.Sphere():
             a, centre = part.outer, np.array(part.centre)
             wall = a if part.thickness is None else part.thickness
-            moment = shell_inertia(a, 1.0, wall)  # of unit mass; checks the wall
+            moment = shell_inertia(a, 1.0, wall)  # for unit mass; also checks the wall
             mass = part.mass_in(wall_volume(a, wall))
             ball = Shape("sphere", np.array([a, 0.0, 0.0]), centre)
             reach = math.hypot(*part.centre) + a
@@ -376,7 +380,7 @@ def solid_of(part: tables.Part, axis: Array = Z) -> Solid:
         case tables.Cylinder() | tables.Disc():
             a, b = part.outer, part.inner_radius
             h = part.length if isinstance(part, tables.Cylinder) else part.thickness
-            # (a - b)(a + b), because a² - b² would lose digits for a thin wall.
+            # Use (a - b)(a + b), because a² - b² would lose digits for a thin wall.
             mass = part.mass_in(math.pi * (a - b) * (a + b) * h)
     if part.axis is not None:
         axis = direction("axis", np.array(part.axis))
@@ -387,7 +391,7 @@ def _tube(mass: float, a: float, b: float, h: float, centre: Array, axis: Array)
     """Return a tube with outer radius a, inner radius b and length h about a unit vector (3,)."""
     from robotball.robot.shapes import Shape, tube
 
-    # m(a² + b²)/4 + m h²/12 across the axis holds for discs (h = 0) and hoops (a = b) too.
+    # The transverse moment m(a² + b²)/4 + m h²/12 also holds for discs (h = 0) and hoops (a = b).
     across = mass * (a * a + b * b) / 4
     reach = max(_reach_of_circle(centre + end * axis, axis, a) for end in (-h / 2, h / 2))
     shape = tube(a, b, h) if b else Shape("cylinder", np.array([a, h / 2, 0.0]))
@@ -405,7 +409,7 @@ def _file_solids(table: tables.ShellTable | _HungTable, folder: Path) -> list[So
     """Return the solid of a body's model file in a list, or an empty list without a file."""
     if not (file := table.mjcf or table.urdf):
         return []
-    # Few scenes have such a body, and its reader starts a process.
+    # Import late, because few scenes have such a body, and its reader starts a process.
     from robotball.user_model.robot_file import solid_of_file
 
     name = ("link", file.link) if isinstance(file, tables.UrdfTable) else ("body", file.body)
@@ -428,8 +432,8 @@ def _start(table: tables.StartTable, ball: Ball) -> Start:
 
 
 def _rolling_start(table: tables.StartTable, ball: Ball) -> Start:
-    """Return the start without slip. An angular velocity leaves M at 0, see `_turning`."""
-    # `rest = false` is the same as no key.
+    """Return the start without slip. If an angular velocity is given, M is 0, see `_turning`."""
+    # `rest = false` means the same as no key `rest`.
     keys_of_rolling = set(table.__struct_fields__) - {"slip", "spin"}
     given = {key for key in keys_of_rolling if getattr(table, key)}
     axes = ball.principal[1]  # the section (5.5) is in principal axes
@@ -462,5 +466,5 @@ def _turning(scene: Scene, omega: Array) -> Scene:
     if scene.rolling == "rubber":
         gamma = scene.start.to_world[2]
         starts.check_no_spin(omega - scene.hinges[0].rate * scene.ball.shell.axis, gamma)
-    # M follows from ω and the hinge rates, which only the scene has.
+    # M follows from ω and the hinge rates, which are known only in the scene.
     return replace(scene, start=replace(scene.start, momentum=scene.momentum_of(omega)))

@@ -1,7 +1,7 @@
 """Messages about the keys of scene files: errors, and questions about units.
 
-Both come from msgspec's inspection of the records in `scene_tables`, which declare each key with
-its meaning and unit.
+Errors and questions are made with msgspec's inspection of the records in `scene_tables`, which
+declare each key with its meaning and unit.
 """
 
 import difflib
@@ -21,18 +21,18 @@ from robotball.files.scene_tables import DENSITIES, SceneTable, numbers_in
 from robotball.robot.drives import COMMAND
 from robotball.robot.scene import Scene
 
-# msgspec's names of types, in the terms of TOML
+# msgspec's names of types, and the terms of TOML for them.
 _WORDS = {"float": "a number", "int": "a whole number", "str": "text", "bool": "true or false"}
 _WORDS |= {"array": "a list", "object": "a table"}
-# Keys of other formats, whose nearest match by spelling would be another key.
+# Keys of other formats, for which the nearest match by spelling would be a wrong key.
 _MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
-# Largest plausible number by key or unit. Balls that people ride in have a radius of 1.5 m; few
+# Largest plausible number by key or unit. A ball that people ride in has a radius of 1.5 m; few
 # motors turn at 19 000 rpm. `_limits_of` adds the limits that depend on the ball.
 _LARGEST = {"m": 10.0, "rad": 2 * math.pi, "rad/s": 2e3, "m/s²": 100.0}
 _LARGEST |= {"1": 1.0, "rotor_inertia": 0.1}
-_OVERSIZED = 4.0  # times the ball's weight at its radius: an implausible motor torque
-_FASTEST = 20.0  # m/s, plausible rolling speed
-# Other units that a larger number may be in, in units of the key.
+_OVERSIZED = 4.0  # times the ball's weight times its radius: a larger motor torque is implausible
+_FASTEST = 20.0  # m/s, the largest plausible rolling speed
+# Other units that the user may have meant if a number is too large, in units of the key.
 _OTHERS = {
     "m": {"cm": 1e-2, "mm": 1e-3},
     "kg": {"g": 1e-3},
@@ -53,7 +53,7 @@ def explained(message: str, keys: object) -> str:
 
     keys: the decoded file.
     """
-    # msgspec reports an error only as text; a test covers each form.
+    # msgspec reports an error only as a text; a test covers each form of the text.
     where = re.search(r" - at `\$\.?(.*)`$", message)
     path, error = (where[1], message[: where.start()]) if where else ("", message)
     line = _worded(path, error, keys)
@@ -86,7 +86,7 @@ def _worded(path: str, error: str, keys: object) -> str:
         least = "positive" if bound[1] == ">" else "0 or more"
         return f"the value must be {least}, not {_value_at(keys, path):g} {unit_at(path)}"
     if expected := re.match(r"Expected (.*), got `?(\w+)`?$", error):
-        # [rotor] in place of [[rotor]] is a common mistake, and gives a table instead of a list.
+        # Users often write [rotor] in place of [[rotor]], which gives a table instead of a list.
         if path.split(".")[-1] in _MANY and expected[2] == "object":
             return f"a scene may have many of these: write [[{path}]] for each"
         # An optional key is a union with null, which TOML does not have.
@@ -149,7 +149,7 @@ def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
 
 
 def unit_at(path: str) -> str:
-    """Return the unit of the key at a path; the numbers in a command have the command's unit."""
+    """Return the unit of the key at a path. The numbers in a command have the command's unit."""
     above, _, name = re.sub(r"\[.*?\]", "", path).rpartition(".")
     fields = (field for table in tables_at(above) for field in table.fields)
     unit = next((meaning_of(field)[1] for field in fields if field.name == name), "")
@@ -170,9 +170,9 @@ def meaning_of(field: inspect.Field) -> tuple[str, str]:
 
 
 def ask(path: Path, scene: Scene) -> None:
-    """Issue a UnitWarning if a number of a scene's file seems to be in another unit.
+    """Issue a UnitWarning if a number in the file of a scene seems to be in another unit.
 
-    For a model file the numbers are read from its scene.
+    For a model file, the numbers are taken from the scene.
     """
     keys = msgspec.toml.decode(contents(path)) if path.suffix == ".toml" else {}
     limits = _limits_of(scene)
@@ -219,7 +219,7 @@ def _questions_of_file(table: SceneTable, limits: dict[str, float]) -> Iterator[
     for path, value in numbers.items():
         above, _, key = path.rpartition(".")
         body, unit = path.partition(".")[0], unit_at(path)
-        # A motor's numbers are compared behind its gear.
+        # A motor's numbers are converted to those after the gear, and then compared.
         gear = numbers.get(f"{above}.gear") or 1.0
         factor = {"stall_torque": gear, "no_load_speed": 1 / gear}.get(key, 1.0)
         largest = next((limits[i] for i in (key, f"{body} {unit}", unit) if i in limits), None)

@@ -1,1 +1,1 @@
-"""A user's own MJCF or URDF file: read safely, run as a scene, and corrected."""
+"""Read a user's own MJCF or URDF file safely, make a scene of it, and correct it."""

@@ -1,8 +1,8 @@
 """Change a user's robot file as text: a block at its end, with a comment for each change.
 
-MuJoCo merges sections that appear twice, and uses the last value of an option. So the file stays as
-it is, except for names that the block needs, and a new start. MuJoCo first writes a file that
-cannot be changed in this way: a URDF, or a file with includes or replicas.
+MuJoCo merges sections that appear twice, and uses the last value of an option. So the file stays
+unchanged, except for names that the block needs, and for a new start. A URDF, or a file with
+includes or replicas, cannot be changed in this way, so MuJoCo first writes it as one MJCF file.
 
 `RobotNumbers` replaces numbers in the text, by paths such as "battery.mass" or "drive.gear". Paths
 use the names of MJCF; a default that the file does not state has no path.
@@ -32,10 +32,10 @@ from robotball.user_model.robot_file import RobotFile, body_name, open_robot, un
 from robotball.user_model.robot_scene import DURATION, RobotTable, controls_of, scene_of
 from robotball.user_model.sandbox import COMMENT, opened_spec
 
-# A start tag with its attributes, and an attribute with its quoted value.
+# Patterns of a start tag with its attributes, and of an attribute with its quoted value.
 _START_TAG = re.compile(r"<[^\s/>]+(\s+[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*'))*")
 _ATTRIBUTE = re.compile(r"\s([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
-# The attributes with numbers, and their units; attributes for drawing are left out.
+# The attributes that have numbers, with their units. Attributes for drawing are left out.
 _UNITS = {
     "mass": "kg", "density": "kg/m³", "pos": "m", "size": "m", "fromto": "m",
     "diaginertia": "kg m²", "fullinertia": "kg m²", "armature": "kg m²",
@@ -45,7 +45,7 @@ _UNITS = {
     "margin": "m", "gravity": "m/s²",
 }  # fmt: skip
 _PARTS = {"friction": ("sliding", "torsional", "rolling")}
-_Names = Mapping[tuple[str, int], str]  # by kind, geom or body, and number
+_Names = Mapping[tuple[str, int], str]  # by kind (geom or body) and number
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,14 @@ class Change:
     Attributes
     ----------
     name, words : str
-        A name, and the fault that the change removes.
+        The name of the change, and a text about the fault that the change removes.
     option, pair, joint : dict
         New attributes of the option, of the contact pair of sphere and plane, and of the joints
         without a default class.
     exclude : tuple of (str, str)
-        Bodies that pass through one another.
+        Pairs of bodies that have no contacts with each other.
     start : bool
-        Whether the robot is set down on the plane, and rolls without slipping.
+        Whether the change sets the robot down on the plane and lets it roll without slipping.
     """
 
     name: str
@@ -76,19 +76,20 @@ class Change:
 
 @dataclass(frozen=True)
 class Editable:
-    """The text of a robot's file in which sphere and plane have names.
+    """The text of a robot's file, in which the sphere and the plane have names.
 
     Attributes
     ----------
     source : str
         The text before any change.
     text, moved : str
-        The text with names, with the start of the file and with a new start.
+        The text with names: `text` with the start of the file, `moved` with a new start.
     sphere, plane : str
+        The names of the two geoms.
     pair : dict
-        The attributes of the file's contact of sphere and plane.
+        The attributes of the contact of sphere and plane in the file.
     paired : bool
-        Whether the file has a pair of the two; `text` does not.
+        Whether the file has a <pair> of sphere and plane; `text` does not have it.
     """
 
     source: str
@@ -158,7 +159,7 @@ def _parser() -> XMLParserType:
 
 
 def in_comment(words: str) -> str:
-    """Return words without two hyphens in a row, which an XML comment must not have."""
+    """Return a text without two hyphens in a row, which are not allowed in an XML comment."""
     return re.sub("-(?=-)", "- ", words)
 
 
@@ -187,8 +188,9 @@ class StartShift:
     shift : (3,), m, world
         Added to the robot's position in all keyframes.
     kick : (3,), m/s, world
-        Added to its velocity at the keyframe with the number `key`.
+        Added to the robot's velocity at the keyframe with the number `key`.
     key : int or None
+        The number of a keyframe.
     """
 
     shift: Array
@@ -204,9 +206,9 @@ def editable(
 ) -> Editable:
     """Return the text of a robot's file, ready for changes.
 
-    moves: these set the robot down on the plane, without slip. pair: the attributes of the file's
-    contact of sphere and plane. bodies: bodies that need a name. Raises InputError if no text
-    compiles to the same robot.
+    moves: the changes that set the robot down on the plane and remove its slip. pair: the
+    attributes of the contact of sphere and plane in the file. bodies: the bodies that need a name.
+    Raises InputError if no text compiles to the same robot.
     """
     model = robot.model
     defaults = {
@@ -220,7 +222,7 @@ def editable(
     pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
     replaced = next((i for i, geoms in enumerate(pairs) if robot.rolls(map(int, geoms))), None)
     sphere, plane = (names["geom", i] for i in (robot.sphere, robot.plane))
-    # The author's text, or else the file as MuJoCo writes it.
+    # Try the author's text first, then the file as MuJoCo writes it.
     for read in (_repaired, _rewritten):
         try:
             source = read(robot)
@@ -234,7 +236,7 @@ def editable(
 
 
 def _rewritten(robot: RobotFile) -> bytes:
-    """Return a robot's file as MuJoCo writes it, without comments, which may not be XML."""
+    """Return a robot's file as MuJoCo writes it, without comments, which may be invalid XML."""
     return COMMENT.sub("", robot.spec.to_xml()).encode()
 
 
@@ -264,7 +266,7 @@ def _repaired(robot: RobotFile) -> bytes:
                 name = {key: joint.attributes[key] for key in ("name",) if key in joint.attributes}
                 text = _edited(text, [(joint.at, "", "")]).encode()
                 above = at = joint.at
-                break  # the joints below belong to other bodies
+                break  # the following joints belong to other bodies
         text = text[:at] + f"<freejoint{_attributes(name)}/>".encode() + text[at:]
         text = _commented(text, above, Change("freejoint", words))
     if words := robot.repairs.get("floor"):
@@ -281,7 +283,7 @@ def _commented(text: bytes, at: int, change: Change) -> bytes:
 
 
 def _is_same(robot: RobotFile, names: _Names, text: str, moves: StartShift) -> bool:
-    """Return whether a text compiles to the robot with these names and moves."""
+    """Return whether a text compiles to the same robot, with these names and this new start."""
     model, other, at = robot.model, compiled(text), robot.free
     kicks = np.zeros_like(model.key_qvel)
     if moves.key is not None:
@@ -299,7 +301,7 @@ def _is_same(robot: RobotFile, names: _Names, text: str, moves: StartShift) -> b
 
 
 def _folders(robot: RobotFile) -> dict[str, str]:
-    """Return absolute folders of meshes and textures, if any, for a text in another folder."""
+    """Return absolute folders of meshes and textures, if any, because the text may be moved."""
     model, spec, here = robot.model, robot.spec, robot.path.parent.absolute()
     if not (model.nmesh or model.ntex or model.nhfield or model.nskin):
         return {}
@@ -307,9 +309,9 @@ def _folders(robot: RobotFile) -> dict[str, str]:
 
 
 class _Element(NamedTuple):
-    """A start tag, its byte in the text, and the number of its owner.
+    """A start tag, the position of its first byte in the text, and the number of its owner.
 
-    The owner is the nearest body, worldbody or default around it; -1 outside of these.
+    The owner is the nearest body, worldbody or default that contains the tag; -1 if there is none.
     """
 
     tag: str
@@ -356,7 +358,7 @@ def _prepared(
     if np.any(moves.shift):
         root, shift = part("body", robot.root), moves.shift
         edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift)))
-        # A key without qpos takes the positions of the bodies.
+        # A key without qpos has the positions of the bodies.
         for key in tagged("key"):
             if old := key.attributes.get("qpos"):
                 edits.append((key.at, "qpos", _added(old, shift, robot.free)))
@@ -373,16 +375,16 @@ def _prepared(
 def _edited(data: bytes, edits: Iterable[tuple[int, str, str]]) -> str:
     """Return a text with edits: the byte of an element, its attribute, and the new value.
 
-    With an empty attribute the whole element, which has no content, is deleted.
+    If the attribute is "", the whole element is deleted; such an element must have no content.
     """
-    # From the last to the first, because an edit shifts the text after it.
+    # Edit from the last element to the first, because an edit shifts the text after it.
     for at, attribute, new in sorted(edits, key=lambda edit: -edit[0]):
         data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
     return data.decode()
 
 
 def _with_attribute(text: str, name: str, new: str) -> str:
-    """Return a text with a new value of an attribute of the start tag that it begins with."""
+    """Return a text that begins with a start tag, with a new value of an attribute of that tag."""
     tag = _START_TAG.match(text)
     assert tag is not None
     if not name:
@@ -407,7 +409,7 @@ def _added(numbers: str, shift: Array, places: slice = slice(3)) -> str:
 
 @dataclass(frozen=True)
 class RobotScene(Scene):
-    """A scene of a robot's file, with the file's model and the name of the keyframe."""
+    """The scene of a robot's file, with the file's model and the name of the keyframe."""
 
     robot_file: RobotFile | None = field(default=None, compare=False)
     key: str | None = None
@@ -417,8 +419,8 @@ class RobotScene(Scene):
 class RobotNumbers(Numbers):
     """The numbers of a robot's file, and their paths.
 
-    source: the text of the file. table: of the scene file that names the robot. controls: by the
-    names of actuators, in place of the controls of the keyframe.
+    source: the text of the file. table: the table of the scene file that names the robot. controls:
+    controls by the names of actuators, which replace the controls of the keyframe.
     """
 
     robot: RobotFile
@@ -429,11 +431,11 @@ class RobotNumbers(Numbers):
 
     @cached_property
     def known(self) -> dict[str, Number]:
-        """Each number, for its path. The unit is "" if it depends on the joint."""
+        """The numbers by their paths. A unit is "" if it depends on the joint."""
         return dict(_numbers(self.source))
 
     def path_of(self, name: str) -> str:
-        """Return the path that a name stands for. Raises InputError as `Numbers.path_of`."""
+        """Return the path for which a name stands. Raises InputError as `Numbers.path_of` does."""
         try:
             return super().path_of(name)
         except InputError as error:
@@ -450,7 +452,7 @@ class RobotNumbers(Numbers):
         return RobotScene(**values_of, robot_file=robot, key=key)
 
     def text(self, values: Mapping[str, float], start: Scene) -> str:
-        """Return the text with other numbers, and a keyframe "fitted" with the start of a scene."""
+        """Return the text with other numbers, and a keyframe "fitted" for the start of a scene."""
         text = self._changed(values)
         data = replace(self.robot, model=compiled(text)).start_as(start, self.table.keyframe)
         state = {"qpos": data.qpos, "qvel": data.qvel, "act": data.act, "ctrl": data.ctrl}
@@ -459,7 +461,7 @@ class RobotNumbers(Numbers):
 
     def _changed(self, values: Mapping[str, float]) -> str:
         """Return the text with other numbers at some paths."""
-        # A place is an element and an attribute, with numbers in the order of the text.
+        # A place is an element and an attribute; its numbers are in the order of the text.
         numbers: defaultdict[tuple[int, str], list[float]] = defaultdict(list)
         for path, (value, _, place) in self.known.items():
             numbers[place].append(values.get(path, value))
@@ -483,7 +485,7 @@ def robot_numbers(path: Path) -> RobotNumbers:
 def _numbers(data: bytes) -> Iterator[tuple[str, Number]]:
     """Yield the numbers of an MJCF text with their paths.
 
-    A path has the name of the body, and the name or tag of the element.
+    A path consists of the name of the body and the name or tag of the element.
     """
     seen, paths, taken = set[str](), [""], Counter[str]()
     for tag, at, owner, attributes in _elements_of(data):
@@ -508,7 +510,7 @@ def _numbers(data: bytes) -> Iterator[tuple[str, Number]]:
 
 
 def _read(text: str) -> list[float]:
-    """Return the numbers of an attribute; an empty list if it has words."""
+    """Return the numbers of an attribute; an empty list if the attribute contains words."""
     try:
         return [*map(float, text.split())]
     except ValueError:

@@ -1,12 +1,12 @@
 """Read a user's whole robot from an MJCF or URDF file: its tree, plane and start.
 
 MuJoCo reads and compiles the file, first in a separate process (`sandbox`). The root of the tree is
-the shell, the body with the sphere that touches the plane. A joint above the shell is reversed: its
-axis changes sign. Bodies are described with all joints at 0, in the axes of the shell, from the
-centre of its sphere; bodies that are welded together are one.
+the shell, the body with the sphere that touches the plane. A joint above the shell is reversed, so
+its axis changes sign. Bodies are described with all joints at 0, in the axes of the shell, from the
+centre of the shell's sphere. Bodies that are welded together become one body.
 
-In order: the model, additions to the file, notes, the tree, the start, actuators, single bodies.
-`robot_scene` makes the scene.
+This file has, in order: the model, additions to the file, notes, the tree, the start, actuators,
+single bodies. `robot_scene` makes the scene.
 """
 
 import re
@@ -29,23 +29,24 @@ from robotball.robot.shapes import shapes_of_geoms
 from robotball.rotations import Array, Z, from_matrix, multiply, rotation_matrix, symmetric
 from robotball.user_model.sandbox import COMMENT, check_format, check_loads, in_words, opened_spec
 
-# The flags that disable forces: those up to clamped controls, and actuation.
+# The flags that disable forces: all flags up to the one for clamped controls, and the one for
+# actuation.
 _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
 _FORCES |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-# Plain numbers like in a model: MuJoCo's enumerations do not equal them.
+# Plain numbers, because a model has plain numbers, which do not equal MuJoCo's enumerations.
 _FREE, _BALL, _SLIDE, _HINGE = map(int, mujoco.mjtJoint.__members__.values())
 _GEOMS = mujoco.mjtGeom
 _PLANE, _SPHERE = int(_GEOMS.mjGEOM_PLANE), int(_GEOMS.mjGEOM_SPHERE)
 _BOX, _MESH = int(_GEOMS.mjGEOM_BOX), int(_GEOMS.mjGEOM_MESH)
-# Names of our own parts; a user's body with such a name is renamed.
+# Names of robotball's own parts. A user's body with such a name is renamed.
 _OURS = ("shell", "frame", "floor")
-_FACES = 0.1  # cosine of the angle to gravity: a steeper plane is a wall
-LEVEL = 1 - 1e-12  # cosine: a plane or a gravity with a smaller tilt is level
-_HEIGHT = 1e-6  # of the radius, and of a velocity: a start that misses by less is on the plane
-_TOUCH = 1e-6  # of the radius, the depth at which the contact is read
-_MOST_MOVES = 50  # of a robot down to its plane
-_WITHIN = 1.02  # of the radius: a geom that reaches no farther is inside the shell
-_RIM = 0.95  # of the radius: a wheel that reaches this far touches the shell's wall
+_FACES = 0.1  # cosine of the angle to gravity; with a smaller cosine, a plane is a wall
+LEVEL = 1 - 1e-12  # cosine of the angle to gravity; with a larger cosine, a plane is level
+_HEIGHT = 1e-6  # times the radius or a velocity; a start with a smaller error is on the plane
+_TOUCH = 1e-6  # times the radius: the depth at which the contact is read
+_MOST_MOVES = 50  # moves of a robot down to its plane
+_WITHIN = 1.02  # times the radius: a geom that reaches no farther is inside the shell
+_RIM = 0.95  # times the radius: a wheel that reaches this far touches the shell's wall
 
 
 @dataclass(frozen=True)
@@ -57,12 +58,13 @@ class RobotFile:
     path : Path
     spec, model : MjSpec and MjModel
     sphere, plane : int
-        The numbers of the geom that rolls and of its plane, or of a level box.
+        The number of the geom that rolls, and the number of its plane or of a level box in place of
+        a plane.
     notes : tuple of str
-        Additions to a URDF, values that the file sets implicitly, and parts that the equations
-        omit.
+        Notes on additions to a URDF, on values that the file sets implicitly, and on parts that the
+        equations omit.
     repairs : dict of str
-        Additions and changes without which an MJCF file cannot roll, and why.
+        Additions and changes without which the robot of an MJCF file cannot roll, with reasons.
     """
 
     path: Path
@@ -74,11 +76,11 @@ class RobotFile:
     repairs: Mapping[str, str] = field(default_factory=dict)
 
     def start(self, key: str | None = None) -> Any:
-        """Return MjData at a keyframe, the first one if None, or at the reference position.
+        """Return MjData at the keyframe `key`; if None, at the first keyframe or else at qpos0.
 
         Raises InputError for an unknown name.
         """
-        # A state that diverges must not go on from the start.
+        # MuJoCo must not reset the robot to the start when a state diverges.
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         data, number = mujoco.MjData(self.model), self.keyframe(key)
         if number is not None:
@@ -88,7 +90,7 @@ class RobotFile:
         return data
 
     def keyframe(self, key: str | None) -> int | None:
-        """Return the number of a keyframe, the first one if None; None if there is no keyframe."""
+        """Return the number of a keyframe, by default 0; None if the file has no keyframe."""
         names = [self.model.key(i).name for i in range(self.model.nkey)]
         if key is not None and key not in names:
             raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
@@ -96,7 +98,7 @@ class RobotFile:
 
     @cached_property
     def tree(self) -> tuple[Shell, dict[int, Link]]:
-        """The shell, and for each number of a joint its link."""
+        """The shell, and the links by the numbers of their joints."""
         return _tree_of(self)
 
     @property
@@ -134,20 +136,20 @@ class RobotFile:
         return normal, float(away @ normal) - self.radius
 
     def floor(self, data: Any) -> Array:
-        """Return a point (3,) of the plane, world: of the top if it is a box."""
+        """Return a point (3,) of the plane, world axes; for a box, a point of its top."""
         top = data.geom_xmat[self.plane][2::3] * _half_heights(self.model)[self.plane]
         return np.asarray(data.geom_xpos[self.plane] + top)
 
     def moving(self, data: Any) -> Array:
-        """Return the angular velocity of the shell and the velocity of its centre (6,), world."""
+        """Return the shell's angular velocity and its centre's velocity (6,), world axes."""
         moving, kind = np.zeros(6), mujoco.mjtObj.mjOBJ_GEOM
         mujoco.mj_objectVelocity(self.model, data, kind, self.sphere, moving, 0)
         return moving
 
     def slip(self, data: Any, kept: Array | None = None) -> Array:
-        """Return the velocity (3,) of the sphere's lowest point [m/s], world.
+        """Return the velocity (3,) of the sphere's lowest point [m/s], world axes.
 
-        kept (3,): subtract the slip of a scene's start, which is in plane axes.
+        kept (3,): slip of a scene's start in plane axes, which is subtracted.
         """
         moving, (normal, _) = self.moving(data), self.above_plane(data)
         slip = np.asarray(moving[3:] - self.radius * np.cross(moving[:3], normal))
@@ -163,7 +165,7 @@ class RobotFile:
         return np.where(np.abs(slip) > _rounding(moving), slip, 0.0)
 
     def roll(self, data: Any, turning: Array) -> None:
-        """Add a rolling of the whole robot with an angular velocity (3,) [rad/s], world."""
+        """Let the whole robot also roll with an angular velocity (3,) [rad/s], world axes."""
         normal, _ = self.above_plane(data)
         at, arm = self.drift.start, data.xpos[self.root] - data.geom_xpos[self.sphere]
         data.qvel[self.drift] += np.cross(turning, arm + self.radius * normal)
@@ -189,7 +191,7 @@ class RobotFile:
         normal, gap = self.above_plane(data)
         data.qpos[self.free] -= gap * normal
         mujoco.mj_forward(model, data)
-        # Remove the motion of the sphere that follows from the rates of the hinges.
+        # Remove the motion that the hinge rates give to the sphere.
         moving = self.moving(data)
         data.qvel[self.drift] -= self.slip(data)
         mujoco.mj_forward(model, data)
@@ -202,12 +204,12 @@ class RobotFile:
         return np.eye(3) if plane[2, 2] > LEVEL else plane.T
 
     def contact(self, start: Any) -> Any:
-        """Return the contact of sphere and plane, with the parameters that MuJoCo mixes.
+        """Return the contact of sphere and plane, with the parameters that MuJoCo computes for it.
 
         Raises InputError if they do not collide, or if another contact carries the robot.
         """
-        # The start may have no contact, so move the robot down into the plane. The moves are
-        # shorter than the sphere, which therefore cannot miss a ledge.
+        # There may be no contact at the start, so move the robot down into the plane. Each move is
+        # shorter than the sphere, so that the sphere cannot miss a ledge.
         model, data, touching = self.model, copy(start), None
         normal, gap = self.above_plane(data)
         count = min(_MOST_MOVES, 1 + int(max(gap, 0.0) / self.radius))
@@ -216,7 +218,7 @@ class RobotFile:
             data.qpos[self.free] = start.qpos[self.free] - part / count * way * normal
             mujoco.mj_forward(model, data)
             for contact in data.contact:
-                # Contacts with the plane count only in the last position.
+                # A contact with the plane counts only in the last position.
                 if part < count and self.plane in (contact.geom1, contact.geom2):
                     continue
                 if self.rolls(contact.geom.tolist()):
@@ -228,7 +230,7 @@ class RobotFile:
         return touching
 
     def _rule(self, pair: Iterable[int], gap: float) -> str:
-        """Return which rule two geoms break that touch at a height above the plane [m] or below."""
+        """Return which rule is broken by a contact of two geoms, `gap` [m] above the plane."""
         model, bodies = self.model, [self.model.geom_bodyid[i] for i in pair if not self.is_own(i)]
         if not bodies:
             rule = "only the sphere may touch the plane, and only joints hold bodies"
@@ -245,15 +247,15 @@ class RobotFile:
         return {*pair} == {self.sphere, self.plane}
 
     def real_contact(self, data: Any, contact: Any, late: bool = False) -> str:
-        """Return which geoms touch, or "" if the contact is a mere overlap of solids.
+        """Return which geoms touch, or "" if the contact is only an overlap of solids.
 
-        Parts inside the shell overlap its sphere, which is solid in MuJoCo. late: whether the
-        contact is new, while an overlap is there from the start.
+        Parts inside the shell overlap the shell's sphere, which is solid in MuJoCo. late: whether
+        the contact began during the motion; an overlap exists from the start.
         """
         pair = contact.geom.tolist()
         if self.rolls(pair) or contact.exclude:
             return ""
-        # Geoms of the robot first.
+        # Name the robot's geoms first.
         part, other = sorted(pair, key=self.is_own, reverse=True)
         if self.is_own(other):
             real = late or self._is_wheel(data, part) or self._is_wheel(data, other)
@@ -269,10 +271,10 @@ class RobotFile:
         return bool(self.model.body_rootid[self.model.geom_bodyid[geom]] == self.root)
 
     def _reach(self, data: Any, geom: int) -> float:
-        """Return the largest distance of a geom from the sphere's centre, in radii."""
+        """Return the largest distance of a geom from the sphere's centre, divided by the radius."""
         model, place = self.model, data.geom_xpos[geom] - data.geom_xpos[self.sphere]
         reach = np.linalg.norm(place) + model.geom_rbound[geom]
-        if model.geom_type[geom] == _MESH:  # its bound is the box around it
+        if model.geom_type[geom] == _MESH:  # a mesh is bounded by the box around it
             first, mesh = model.mesh_vertadr, model.geom_dataid[geom]
             corners = model.mesh_vert[first[mesh] :][: model.mesh_vertnum[mesh]]
             rotated = corners @ data.geom_xmat[geom].reshape(3, 3).T
@@ -280,14 +282,15 @@ class RobotFile:
         return float(reach / self.radius)
 
     def _is_wheel(self, data: Any, geom: int) -> bool:
-        """Return whether a round geom turns about its middle and touches the shell's wall."""
+        """Return whether a round geom turns about its own centre and touches the shell's wall."""
         model, body = self.model, int(self.model.geom_bodyid[geom])
         joint, size = int(model.body_jntadr[body]), float(model.geom_size[geom, 0])
         if geom == self.sphere or joint < 0 or model.jnt_type[joint] != _HINGE:
             return False
         middle, axis = data.geom_xpos[geom], data.xaxis[joint]
         off = float(np.linalg.norm(np.cross(middle - data.xanchor[joint], axis)))
-        # A wheel has its rim across its axis. The axis of a flywheel passes through the centre.
+        # The rim of a wheel is orthogonal to its axis. The axis of a flywheel, which is not a
+        # wheel, passes through the sphere's centre.
         place = middle - data.geom_xpos[self.sphere]
         along = place @ axis
         out = float(np.linalg.norm(place - along * axis))
@@ -295,7 +298,7 @@ class RobotFile:
 
 
 def geom_name(model: Any, geom: int) -> str:
-    """Return a geom's name, or one made of the name of its body."""
+    """Return a geom's name, or a name made of the name of the geom's body."""
     return model.geom(geom).name or f"a geom of {body_name(model, model.geom_bodyid[geom])}"
 
 
@@ -305,7 +308,7 @@ def body_name(model: Any, body: int) -> str:
 
 
 def unused_name(model: Any, kind: str, name: str) -> str:
-    """Return a name, with underscores if the model has a body or geom of that name."""
+    """Return a name, with underscores if the model has an object of this kind with that name."""
     names = {getattr(model, kind)(i).name for i in range(getattr(model, f"n{kind}"))}
     while name in names:
         name += "_"
@@ -313,10 +316,10 @@ def unused_name(model: Any, kind: str, name: str) -> str:
 
 
 def open_robot(path: Path, shell: str | None = None) -> RobotFile:
-    """Return a file's robot, with a plane and a free joint if they are missing.
+    """Return the robot of a file. A missing plane or free joint is added.
 
-    shell: the body or geom that rolls, if several could. Raises InputError if MuJoCo refuses the
-    file or needs too much time or memory, or if nothing in it can roll.
+    shell: the name of the body or geom that rolls, if there are several candidates. Raises
+    InputError if MuJoCo refuses the file or needs too much time or memory, or if nothing can roll.
     """
     check_format(path)
     check_loads(path)
@@ -344,12 +347,12 @@ def _root_tag(path: Path) -> str:
 
 
 def _sphere(model: Any, shell: str | None) -> int:
-    """Return the number of the geom that rolls: with this name or body, or the largest."""
+    """Return the number of the geom that rolls: the one named by `shell`, or the largest sphere."""
     spheres = np.flatnonzero(_solid(model) & (model.geom_type == _SPHERE)).tolist()
     if not spheres:
         needed = "the shell needs a geom of type sphere with a nonzero contype or conaffinity"
         raise InputError(f"no sphere can touch the plane: {needed} (a mesh rolls on its corners)")
-    # A sphere of the world is a marker, if there is another.
+    # If there is another sphere, a sphere of the world body is only a marker.
     spheres = [i for i in spheres if model.geom_bodyid[i]] or spheres
     names = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
     if shell is not None:
@@ -367,20 +370,20 @@ def _sphere(model: Any, shell: str | None) -> int:
 
 
 def _solid(model: Any) -> Any:
-    """Return whether each geom can touch another."""
+    """Return for each geom whether it can touch other geoms."""
     paired = np.isin(np.arange(model.ngeom), (model.pair_geom1, model.pair_geom2))
     return paired | ((model.geom_contype | model.geom_conaffinity) != 0)
 
 
 def _standing(model: Any, sphere: int) -> list[int]:
-    """Return the solid geoms that are fixed to the world and not a part of the robot."""
+    """Return the solid geoms that are fixed to the world and do not belong to the robot."""
     fixed, root = (it[model.geom_bodyid] for it in (model.body_weldid == 0, model.body_rootid))
-    # A robot without a joint at its root is fixed to the world until it gets a free joint.
+    # A robot without a joint at its root is fixed to the world until a free joint is added.
     return np.flatnonzero(_solid(model) & fixed & (root != root[sphere])).tolist()
 
 
 def _half_heights(model: Any) -> Array:
-    """Return half the height of each geom if it is a box, else 0."""
+    """Return half the height of each geom that is a box, and 0 for other geoms."""
     return np.where(model.geom_type == _BOX, model.geom_size[:, 2], 0.0)
 
 
@@ -415,7 +418,7 @@ def _placed(model: Any) -> Any:
 
 
 def _floors(model: Any, sphere: int) -> Any:
-    """Return the numbers of the planes, or else of the boxes whose top faces gravity."""
+    """Return the numbers of the planes, or else of the boxes, whose upper side faces gravity."""
     if len(planes := np.flatnonzero(model.geom_type == _PLANE)):
         return planes
     boxes = [i for i in _standing(model, sphere) if model.geom_type[i] == _BOX]
@@ -437,7 +440,7 @@ def _floor(model: Any, sphere: int) -> int:
 
 
 def _free_joint_added(spec: Any, model: Any, shell: str | None) -> Iterator[tuple[str, str]]:
-    """Give the robot a free joint, or take damping, armature and friction from the one it has."""
+    """Add a free joint, or remove damping, armature and friction from the robot's free joint."""
     root = model.body_rootid[model.geom_bodyid[_sphere(model, shell)]]
     joints = model.jnt_type[model.jnt_bodyid == root].tolist()
     name = body_name(model, root)
@@ -478,7 +481,7 @@ def _add_free_joint(spec: Any, model: Any, root: int) -> None:
             key.qvel = np.insert(key.qvel, dof, np.zeros(6))
 
 
-# Features that the equations do not have, and their numbers, which are 0 in a model without them.
+# Features that the equations do not have, each with a number of the model that is 0 without it.
 _UNSUPPORTED = {
     "an equality constraint": "eq_active0",
     "the drag of a medium (density or viscosity)": "opt.density opt.viscosity",
@@ -520,7 +523,7 @@ def _inferred(spec: Any) -> Iterator[str]:
 
 
 def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
-    """Yield bodies and fixed geoms that the robot may touch, and the equations leave out."""
+    """Yield bodies and fixed geoms that the robot may touch, but that the equations omit."""
     root = model.body_rootid[model.geom_bodyid[sphere]]
     for i in range(1, model.nbody):
         if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
@@ -531,7 +534,7 @@ def _ignored(model: Any, sphere: int, plane: int) -> Iterator[str]:
 
 
 def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
-    """Return the shell of a file, and for each number of a joint its link."""
+    """Return the shell of a file, and the links by the numbers of their joints."""
     model, data = robot.model, mujoco.MjData(robot.model)
     data.qpos[model.jnt_qposadr[np.isin(model.jnt_type, (_SLIDE, _HINGE))]] = 0.0
     mujoco.mj_kinematics(model, data)
@@ -548,7 +551,7 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
     while waiting:
         at, parent = waiting.pop()
         for joint, above, below in joints:
-            if at not in (above, below) or joint in links:  # done: the joint that led here
+            if at not in (above, below) or joint in links:  # this joint is already in the tree
                 continue
             other, sign = (below, 1.0) if at == above else (above, -1.0)
             name, solid = nodes[other]
@@ -563,7 +566,7 @@ def _tree_of(robot: RobotFile) -> tuple[Shell, dict[int, Link]]:
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:
-    """Return a shell: the part of its inertia and centre symmetric about z, and the rest."""
+    """Return a solid as a shell: its symmetric part about z, and its asymmetry and offset."""
     inertia = solid.inertia
     axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
     asymmetry, aside = inertia - np.diag([across, across, axial]), solid.centre * [1.0, 1.0, 0.0]
@@ -576,8 +579,9 @@ def _nodes(
 ) -> tuple[list[tuple[str, Solid]], list[tuple[int, int, int]], int]:
     """Return the nodes of the robot's tree, its joints, and the number of the shell's node.
 
-    A node has the name of a body, and everything that is welded to it. A body with several joints
-    has massless nodes between these. A joint is (number, node above, node below).
+    A node has the name of a body, and that body with all bodies that are welded to it. A body with
+    several joints has massless nodes between the joints. A joint is (number, node above, node
+    below).
     """
     model = robot.model
     nodes: list[tuple[str, Solid]] = []
@@ -607,7 +611,7 @@ def _nodes(
 
 
 def _name(model: Any, body: int) -> str:
-    """Return the name of a body's link: without "/", and different from names of our parts."""
+    """Return the name of a body's link, without "/" and unlike the names of robotball's parts."""
     name = body_name(model, body).replace("/", "_")
     return f"{name}_" if name in _OURS else name
 
@@ -624,16 +628,16 @@ def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
 
 
 def _rounding(moving: Array) -> float:
-    """Return the largest speed [m/s] of a rounding error beside a motion of the sphere (6,)."""
+    """Return the speed [m/s] up to which a slip is a rounding error, for a sphere's motion (6,)."""
     return _HEIGHT * max(1.0, float(np.linalg.norm(moving[3:])))
 
 
 def start_misses(
     robot: RobotFile, data: Any, kept: Array | None = None
 ) -> Iterator[tuple[str, str]]:
-    """Yield how a start differs from the start of the equations, and how these start instead.
+    """Yield how a start differs from the start of the equations, and how the equations start.
 
-    kept (3,): the slip with which the equations start, if they do.
+    kept (3,): the slip with which the equations start; None for no slip.
     """
     gap = robot.above_plane(data)[1]
     if abs(gap) > _HEIGHT * robot.radius:
@@ -649,7 +653,7 @@ def starts_off(robot: RobotFile, data: Any, kept: Array | None = None) -> Iterat
         yield f"{miss}; the equations start {instead}"
     if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); in the equations the ball rolls"
-    # Parts inside the shell may touch it.
+    # Parts inside the shell may touch the shell.
     model, pairs = robot.model, data.contact.geom
     near = pairs[(pairs == robot.sphere)[:, ::-1]]
     for name in sorted({body_name(model, model.geom_bodyid[i]) for i in near if i != robot.plane}):
@@ -657,7 +661,7 @@ def starts_off(robot: RobotFile, data: Any, kept: Array | None = None) -> Iterat
 
 
 def default_class(robot: RobotFile, kind: str) -> str:
-    """Return in words which default class sets an attribute of the sphere or plane, if any."""
+    """Return a text that names the default class of the sphere's or plane's attributes, if any."""
     builtin = getattr(mujoco.MjSpec().default.geom, kind)
     for geom in robot.spec.geoms:
         default = getattr(geom.classname.geom, kind)
@@ -692,7 +696,7 @@ def rolling_of(contact: Any) -> Rolling:
 
 
 def gears_of(model: Any) -> dict[str, dict[int, float]]:
-    """Return for each actuator's name the joints that it moves, with their gears.
+    """Return for each actuator's name the joints that the actuator moves, with their gears.
 
     Raises InputError for an unsupported actuator.
     """
@@ -725,13 +729,13 @@ def _moved(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
 
 
 def solid_of_file(path: Path, kind: str, name: str) -> Solid:
-    """Return a "body" of an MJCF file or a "link" of a URDF file, with all that is fixed to it.
+    """Return a "body" of an MJCF file or a "link" of a URDF file, with all bodies fixed to it.
 
-    The solid is in the axes of the body. Raises InputError if the file cannot be loaded, has no
-    such body, or the body has no inertia or has moving children.
+    The solid is in the axes of the body. Raises InputError if the file cannot be loaded or has no
+    such body, or if the body has no inertia or has moving children.
     """
-    # Masses in an MJCF file may follow from geoms. A URDF file is not compiled, because that could
-    # fail for another link or a mesh.
+    # An MJCF file is compiled, because masses may follow from geoms. A URDF file is not compiled,
+    # because compiling could fail for another link or for a mesh.
     check_loads(path, "compiled" if kind == "body" else "parsed")
     with named(path):
         if kind == "link" and (root := _root_tag(path)) not in ("", "robot"):

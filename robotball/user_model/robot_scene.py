@@ -1,6 +1,7 @@
 """Make the scene of a user's robot file: its tree, actuators, controls and start.
 
-In order: the table of a scene file that names a robot file, the scene, joints and actuators.
+This file has, in order: the table of a scene file that names a robot file, the scene, joints,
+actuators.
 """
 
 from collections import Counter
@@ -57,11 +58,11 @@ class RobotTable(Table, frozen=True, kw_only=True):
 def scene_of_robot(path: Path, table: Mapping[str, Any], controls: _Controls = _NONE) -> Scene:
     """Return the scene of a robot file, with its start and controls.
 
-    path: of the scene. table: of its TOML file, or a table with the robot file alone. controls: by
-    the names of actuators, in place of the controls in the table and the robot file. Without a
-    duration in the table the scene lasts as long as sampled controls, and 10 s at most. Warns of
-    additions and omissions. Raises InputError for unknown keys, for a file that cannot roll, and
-    for features that the equations do not have.
+    path: of the scene file. table: of a TOML file, or a table that has only the robot file.
+    controls: by the names of actuators, in place of the controls in the table and the robot file.
+    Without a duration in the table, the scene lasts as long as sampled controls, but at most 10 s.
+    Warns of additions and omissions. Raises InputError for unknown keys, for a robot that cannot
+    roll, and for features that the equations do not have.
     """
     if "robot" not in table:
         raise InputError("controls need a scene with a robot file")
@@ -83,7 +84,7 @@ def scene_of_robot(path: Path, table: Mapping[str, Any], controls: _Controls = _
 
 
 def controls_of(table: RobotTable, folder: Path) -> dict[str, Rate]:
-    """Return the controls in a scene file's table. folder: for the files that it names."""
+    """Return the controls in a scene file's table. folder: of the files that the table names."""
     return {name: rate_of(command, folder) for name, command in (table.controls or {}).items()}
 
 
@@ -134,7 +135,7 @@ def scene_of(
 def slipping(scene: Scene, robot: RobotFile, data: Any) -> Scene:
     """Return the scene of a robot with the friction of its file, and with the slip of its start.
 
-    The equations have no friction that depends on the direction, and none that is absent.
+    The equations have no friction that depends on the direction, and no plane without friction.
     """
     contact, rubber = robot.contact(data), scene.rolling == "rubber"
     slide, across, spin, *_ = map(float, contact.friction)
@@ -166,7 +167,7 @@ def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -
 def _actuators(
     model: Any, links: Mapping[int, Link], data: Any, controls: _Controls
 ) -> Iterator[Actuator]:
-    """Yield the actuators that move links. Without a control they keep the control of the start."""
+    """Yield the actuators that move links. Without a control, they keep their initial control."""
     gears = gears_of(model)
     for name in controls:
         if name not in gears:
@@ -185,7 +186,7 @@ def _actuators(
                     raise InputError(f"{model.joint(joint).name}: {line}")
                 ends = sorted(model.jnt_actfrcrange[joint] / ratio)
                 low, high = max(low, ends[0]), min(high, ends[1])
-        # A law's limit is symmetric, so the middle of the range becomes a constant torque.
+        # A law has a symmetric limit, so the middle of the range becomes a constant torque.
         middle = float(low + high) / 2 if np.isfinite(high) else 0.0
         ratios = tuple((links[joint].name, ratio) for joint, ratio in moved.items())
         within = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else _NO_LIMITS

@@ -1,8 +1,8 @@
 """Load a user's MJCF or URDF file with MuJoCo, first in a separate process with limits.
 
-A short file can make MuJoCo take any amount of time and memory, or crash. So another process, which
-runs this module as a script with PATH and `parsed` or `compiled`, loads it first. It prints the
-reason if it refuses the file.
+A short file can make MuJoCo take any amount of time and memory, or crash. So another process loads
+the file first. That process executes this module as a script with the arguments PATH and `parsed`
+or `compiled`, and prints the reason if it refuses the file.
 """
 
 import contextlib
@@ -23,20 +23,20 @@ from robotball.files import MODEL_FILES, contents
 from robotball.rotations import symmetric
 
 _WAIT = 60.0  # s of real time, on a busy machine
-_MEMORY = 500_000_000  # bytes, in addition to MuJoCo itself
+_MEMORY = 500_000_000  # bytes, in addition to what MuJoCo itself needs
 _SECONDS = 5  # of processor time; a large robot takes 0.1 s
-# How MuJoCo reports that memory ran out.
+# Texts with which MuJoCo reports that memory ran out.
 _NO_MEMORY = ("Could not allocate memory", "unknown exception")
 _MISSING = "{} is missing; left out, because it is only for drawing"
 _ROUNDING = 1e-6  # relative, of moments in a file
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 _ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 _INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
-# How MuJoCo reports a file that is not XML, or not MJCF.
+# Texts with which MuJoCo reports a file that is not XML, or not MJCF.
 _NOT_XML = re.compile(r"(?s)=XML_ERROR_(\w+).*?number=(\d+)(?:: XMLElement name=(\S+))?")
 _SCHEMA = re.compile(r"XML Error: (?:Schema violation: )?(.*)\nElement '(.*)', line (\d+)")
 _COMPILER = re.compile(r"Error: (.*)\nElement name '(.*)', id \d+(?:, line (\d+))?")
-# How MuJoCo's compiler names a fault, and the same in words with a remedy.
+# Faults as MuJoCo's compiler names them, each with a plain text that includes a remedy.
 _REMEDIES = {
     "mass and inertia of moving bodies must be larger than mjMINVAL":
         "a body that moves needs a mass and an inertia: give it a geom or an <inertial>",
@@ -65,17 +65,17 @@ def check_format(path: Path) -> None:
 def check_loads(path: Path, how: str = "compiled") -> None:
     """Raise InputError unless a file loads within a few seconds and a few hundred MB.
 
-    how: `compiled`, or `parsed` alone.
+    how: `compiled`, or `parsed` to parse the file without compiling it.
     """
     try:
         str(path).encode()
     except UnicodeEncodeError:
         line = "this locale cannot represent the name: set LC_ALL=C.UTF-8, or rename the file"
         raise InputError(f"{path}: {line}") from None
-    contents(path)  # refuses what cannot be read
+    contents(path)  # raises InputError if the file cannot be read
     try:
         done = subprocess.run(
-            # -P: no file in the user's folder can replace a module of Python.
+            # -P, so that no file in the user's folder can replace a module of Python.
             [sys.executable, "-P", "-m", __name__, str(path), how],
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -88,7 +88,7 @@ def check_loads(path: Path, how: str = "compiled") -> None:
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         raise InputError(f"{path}: it takes more than {_SECONDS} s to load")
     if done.returncode:
-        # Anything else is a lack of memory, in MuJoCo or in Python.
+        # The cause of any other error is a lack of memory, in MuJoCo or in Python.
         why = (done.stderr.decode(errors="replace").splitlines() or ["no message"])[-1]
         limit = f"{_MEMORY / 1e6:.0f} MB"
         raise InputError(f"{path}: it cannot be loaded with {limit} of memory: {why}")
@@ -97,14 +97,14 @@ def check_loads(path: Path, how: str = "compiled") -> None:
 
 
 def opened_spec(path: Path) -> tuple[Any, list[str]]:
-    """Return the MjSpec of a file without missing meshes and textures, and notes on changes.
+    """Return the MjSpec of a file without its missing meshes and textures, and notes on changes.
 
     Raises InputError if a body has an impossible inertia, or mass or contacts from a missing mesh.
     """
     import mujoco
 
     spec = mujoco.MjSpec.from_file(str(path))
-    # Otherwise the root of a URDF, which has no joint, would lose its mass to the world.
+    # Otherwise the mass of a URDF's root, which has no joint, would be merged into the world.
     spec.compiler.fusestatic = False
     by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     notes = list[str]()
@@ -143,12 +143,12 @@ def opened_spec(path: Path) -> tuple[Any, list[str]]:
 
 def _main() -> None:
     """Print the reason if a file cannot be loaded."""
-    import mujoco  # before the limit, which is for the file alone
+    import mujoco  # before the limit is set, because the limit is for the file alone
 
     path, how = Path(sys.argv[1]), sys.argv[2]
     _limit()
     try:
-        # First, because MuJoCo writes a file MUJOCO_LOG.TXT when it parses a NaN.
+        # Check this first, because MuJoCo writes a file MUJOCO_LOG.TXT when it parses a NaN.
         _check_numbers(path, path.parent, set())
         if how == "parsed":
             mujoco.MjSpec.from_file(str(path))
@@ -161,7 +161,7 @@ def _main() -> None:
 
 
 def in_words(error: str) -> str:
-    """Return an error of MuJoCo with the line and the element first, in words."""
+    """Return an error of MuJoCo as a plain text that begins with the line and the element."""
     if found := _NOT_XML.search(error):
         fault, line, tag = found.groups()
         words = _FAULTS.get(fault, "it is not XML near {}")
@@ -188,26 +188,27 @@ def _limit() -> None:
 def _check_numbers(path: Path, folder: Path, read: set[Path]) -> None:
     """Raise InputError for NaN or infinity in a file or its includes; a range may be infinite.
 
-    MuJoCo would ignore an attribute that is NaN. The text is searched, not parsed, because MuJoCo
-    reads more than well-formed XML. folder: of the first file. read: files that are done.
+    MuJoCo would ignore an attribute that is NaN. The text is searched and not parsed, because
+    MuJoCo also reads XML that is not well-formed. folder: of the first file. read: the files that
+    are already checked.
     """
     read.add(path.resolve())
     text = COMMENT.sub("", path.read_text(errors="replace"))
     attributes = [(key, value) for key, _, value in _ATTRIBUTE.findall(text)]
     names = {value for key, value in attributes if key in ("name", "class")}
-    # A body may be named `inf`, and other elements refer to it.
+    # A body may be named `inf`, and other elements may refer to this name.
     for key, value in attributes:
         if value not in names and not key.endswith("range") and not _finite(value):
             raise InputError(f"{path.name}: {key} takes finite numbers, not {value!r}")
     for file in _INCLUDED.findall(text):
-        # MuJoCo looks in the folders of the including file and of the first file.
+        # MuJoCo looks for an included file in the folders of the including file and the first file.
         for place in {path.parent / file, folder / file}:
             if place.is_file() and place.resolve() not in read:
                 _check_numbers(place, folder, read)
 
 
 def _finite(text: str) -> bool:
-    """Return whether all numbers of a text are finite. A text that has words passes."""
+    """Return whether all numbers of a text are finite. True for a text that contains words."""
     try:
         return all(map(math.isfinite, map(float, text.split())))
     except ValueError:

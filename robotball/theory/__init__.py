@@ -1,1 +1,1 @@
-"""How the ball must roll: the reduced and the multibody equations, integrated to round-off."""
+"""The ideal motion: the reduced and the multibody equations, integrated to round-off."""

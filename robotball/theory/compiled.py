@@ -1,9 +1,9 @@
 """Compile functions with numba, each for one signature, and cache the machine code on disk.
 
-numba's cache reads and writes the files. By itself it would run stale code, because it checks only
-the file of a function and not the files of its callees, and it would run code of anyone who can
-write its folder. Here the folder belongs to the user alone, and its subfolder for a function is
-named with a digest of everything that the code is made from.
+numba's cache reads and writes the files. Without further measures it would run stale code, because
+it checks only the file of a function and not the files of the function's callees. It would also run
+code of anyone who can write to its folder. Here the folder belongs to the user alone, and the name
+of a function's subfolder contains a digest of everything from which the code is compiled.
 """
 
 import gc
@@ -29,17 +29,17 @@ from robotball.files.replacing import foreign_in, is_own
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _NOT_CACHED = "compiled code cannot be cached and is compiled again in every process"
-_one_at_a_time = threading.Lock()  # numba's cache folder is a setting of the whole process
+_one_at_a_time = threading.Lock()  # because numba's cache folder is set for the whole process
 
 
 def inlined(function: Function) -> Function:
     """Let compiled functions call this function, which is compiled into each of them."""
-    # Without wrappers, because neither Python nor C calls the compiled code.
+    # No wrappers are needed, because neither Python nor C calls the compiled code.
     return register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
 
 class Compiled:
-    """A function that is compiled for its signature, or loaded, when it is first needed.
+    """A function that is compiled for one signature, or loaded from the cache, on first use.
 
     source, options: as in `compiled_from`.
     """
@@ -79,12 +79,13 @@ class Compiled:
     def _compiled(self, folder: Path | None) -> Any:
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
         collects = gc.isenabled()
-        gc.disable()  # collections of garbage would take a fifth of the time
+        gc.disable()  # garbage collection would take a fifth of the time
         try:
-            # Without the interpreter's lock; a division by zero gives infinity, not an exception.
+            # The code releases the interpreter's lock. A division by zero gives infinity instead of
+            # an exception.
             options = {"nogil": True, "error_model": "numpy", "cache": folder is not None}
             dispatcher = numba.njit(**options, **self._options)(self._function)
-            # If numba cannot write there, it uses other folders, which are not checked.
+            # If numba could not write to this folder, it would use folders that are not checked.
             if folder is not None and folder not in Path(dispatcher.stats.cache_path).parents:
                 raise OSError(f"cannot write to {folder}")
             dispatcher.compile(self._signature)
@@ -97,11 +98,11 @@ class Compiled:
 
 
 def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Function], Any]:
-    """Return a decorator that makes a function a `Compiled` one, cached on disk.
+    """Return a decorator that makes a function a `Compiled` function, cached on disk.
 
-    source: the text of everything that the function is compiled from, including its callees;
-    options: for numba.njit. Another source or other options cause a new compilation. If nothing can
-    be cached, there is a warning, and the function is compiled in memory.
+    source: the text of everything from which the function is compiled, including its callees;
+    options: for numba.njit. The function is compiled again if the source or the options change. If
+    it cannot be cached, it is compiled in memory, with a warning.
     """
     return lambda function: Compiled(function, source, signature, options)
 
@@ -112,12 +113,12 @@ def text_of(*files: str | Path) -> str:
 
 
 def _folder_for(source: str, options: dict[str, Any]) -> Path | None:
-    """Return the folder of one function: the same in every process that would compile the same."""
+    """Return the folder of a function; processes that would compile the same code share it."""
     home = cache_folder()
     # The order of a set's items differs between processes.
     plain = {name: sorted(o) if isinstance(o, set) else o for name, o in options.items()}
-    # numba's index has the processor too. But two machines that share a home would each write the
-    # first file of an index, and one would then load the other's code.
+    # numba's index also contains the processor. But if two machines share a home folder, each would
+    # write the first file of an index, and one machine would load the code of the other.
     processor = numba.config.CPU_NAME or get_host_cpu_name(), numba.config.CPU_FEATURES
     made_from = repr((numba.__version__, processor, plain, source))
     digest = hashlib.sha256(made_from.encode()).hexdigest()[:32]
@@ -146,7 +147,8 @@ def _say_once(line: str) -> None:
 def cache_folder() -> Path | None:
     """Return the folder for compiled code: in the user's cache, or else a temporary folder.
 
-    None, with a warning, if neither belongs to this user alone, because loaded code is run.
+    Loaded code is executed, so the folder must belong to this user alone. If neither folder does,
+    there is a warning, and None is returned.
     """
     home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
     for folder in (home / "robotball", Path(tempfile.gettempdir(), f"robotball-{os.getuid()}")):

@@ -2,14 +2,15 @@
 
 The slip velocity v = (v_X, v_Y, σ) is the velocity of the shell's point at the contact [m/s] and,
 in the rubber model, the shell's spin about the vertical [rad/s], both relative to the plane.
-W = diag(μ, μ, μ_t) has the sliding coefficient and the torsional one [m]. A component without a
-coefficient cannot slip.
+W = diag(μ, μ, μ_t) has the sliding coefficient μ and the torsional coefficient μ_t [m]. A component
+without a coefficient cannot slip.
 
 * Stick: v = 0, as long as the friction f keeps |W⁻¹f| <= N, with N the normal force.
-* Slip: f = -N W²v/|Wv|, the force in the cone with maximum dissipation; Coulomb's law if W = μ.
+* Slip: f = -N W²v/|Wv|, the force in the cone with maximum dissipation. For W = μ this is Coulomb's
+  law.
 
-While the shell slips, the state has the horizontal momentum P, and L in place of M in the rubber
-model.
+While the shell slips, the state also has the horizontal momentum P, and in the rubber model it has
+L in place of M.
 """
 
 import math
@@ -33,18 +34,18 @@ from robotball.theory.multibody.system import System
 
 _FREE = np.zeros((1, 1, 3))  # `Modes.ahead` of a shell whose friction opposes its slip
 _STOPPED = 1e-8  # m/s, of |Wv|: a slower slip ends within a step of Euler
-# Slip is stiff if the direction of friction settles within _SETTLES seconds, and the slip speed
-# changes _SLOW times slower.
+# Slip is stiff if the direction of friction settles within _SETTLES seconds, and if the slip speed
+# changes slower by a factor of _SLOW.
 _SETTLES, _SLOW = 1e-2, 3.0
-SLIP_RTOL = 1e-13  # relative error of a step of a slip; with a larger one, steps miss its end
-_LEAST_LOAD = 1e-300  # N, in place of a load of 0: a grip that is finite, for root finding
-_ITERATIONS, _ALIKE = 30, 1e-9  # of the search for a direction, and its last change
+SLIP_RTOL = 1e-13  # relative error of a step during slip; with a larger one, steps miss slip's end
+_LEAST_LOAD = 1e-300  # N, in place of a load of 0: root finding needs a finite grip
+_ITERATIONS, _ALIKE = 30, 1e-9  # iterations to find a direction, and the last change of it
 _MOST_EVENTS = 5000  # changes between stick and slip; more are chatter
 
 
 def is_stiff(system: System, speed: float, rate: float) -> bool:
-    """Return whether slip is stiff for its |Wv| [m/s] and the rate of |Wv| [m/s²]."""
-    # About the largest change of W dv/dt by a turn of friction, for an inertia of m/3.
+    """Return whether slip is stiff for its |Wv| [m/s] and the derivative of |Wv| [m/s²]."""
+    # `settling` is about the largest change of W dv/dt if friction turns, for an inertia of m/3.
     a, scene = system.scene.ball.radius, system.scene
     settling = 3 * scene.gravity * max((system.weights / [1.0, 1.0, a]).tolist()) ** 2
     return speed < _SETTLES * settling and abs(rate) < settling / _SLOW
@@ -56,7 +57,7 @@ def slip_speed(system: System, readings: Readings) -> float:
 
 
 def grip(system: System, readings: Readings) -> float:
-    """Return |W⁻¹f|/N, the part of the friction cone that a shell uses that sticks."""
+    """Return |W⁻¹f|/N of a sticking shell: the friction as a fraction of its limit."""
     load = readings.normal or _LEAST_LOAD
     return float(np.linalg.norm(_friction(readings) / system.friction)) / load
 
@@ -66,7 +67,7 @@ def _friction(readings: Readings) -> Array:
 
 
 def begin(system: System, t: float, state: Array) -> Array:
-    """Let a shell slip that friction cannot hold at the start of a smooth piece."""
+    """At the start of a smooth piece, let the shell slip if friction cannot hold it."""
     if not system.slips or system.modes.slipping:
         return state
     return slide(system, t, state) if grip(system, system.readings(t, state)) > 1 else state
@@ -75,9 +76,9 @@ def begin(system: System, t: float, state: Array) -> Array:
 def follow(
     system: System, t: float, end: float, state: Array, readings: Readings
 ) -> tuple[float, Array]:
-    """Return the time and the state after a step of a slipping shell; the same if it slips on.
+    """Return time and state after a step of a slipping shell; both are unchanged if it slips on.
 
-    end: of the smooth piece [s].
+    If the slip ends soon, they are those at its end. end: of the smooth piece [s].
     """
     if not readings.normal > 0:
         raise InputError(
@@ -104,7 +105,7 @@ def _stick(system: System, t: float, state: Array) -> Array:
     system.modes = system.modes._replace(slipping=False, ahead=_FREE)
     if grip(system, system.readings(t, held)) > 1:
         if len(system.scenes) > 1:
-            # Neighbours turn at other times, and their forces jump there.
+            # The slip of neighbouring robots turns at other times, at which their forces jump.
             raise InputError(f"{system.scene.name}: its slip turns at t = {t:.6g} s")
         return slide(system, t, held)
     _record(system, t, slips=False)
@@ -144,9 +145,9 @@ def find_direction(
 ) -> None:
     """Set the modes to the direction in which a shell begins to slip or to roll.
 
-    The plane's reaction is against the direction d, and d is parallel to the acceleration, of which
-    `motion_of` gives the velocity after a moment. This is a + Cd, nearly with constant a and C.
-    guess: a unit vector.
+    The plane's reaction is opposite to the direction d, and d is parallel to the acceleration, so
+    also to the velocity after a moment, which `motion_of` gives. This velocity is a + Cd, with
+    nearly constant a and C. guess: a unit vector.
     """
 
     def ahead(direction: Array) -> Array:
@@ -155,7 +156,7 @@ def find_direction(
 
     C, direction, c = np.stack([(ahead(e) - ahead(-e)) / 2 for e in np.eye(3)], axis=1), guess, 0.0
     for _ in range(_ITERATIONS):
-        # d = (c - C)⁻¹a; Newton's method for 1/|d| = 1, which is nearly linear in c.
+        # d = (c - C)⁻¹a. Solve 1/|d| = 1, which is nearly linear in c, with Newton's method.
         a, before = ahead(direction) - C @ direction, direction
         least = float(np.finfo(float).eps * np.linalg.norm(a))  # C may be singular
         inverse = np.linalg.inv(max(c, least) * np.eye(3) - C)
@@ -191,7 +192,7 @@ def slip_intervals(
 
 
 def _rows(system: System, state: Array) -> Array:
-    """Return the states (k, size) of k robots, as a view."""
+    """Return the states (k, size) of k robots as a view of the whole state."""
     return state.reshape(-1, system.size)
 
 
@@ -201,9 +202,9 @@ def across(L: Array) -> Array:
 
 
 def with_momenta(system: System, t: float, state: Array, numbers: Array) -> Array:
-    """Return the state at t [s] with the momenta of its readings' velocities, in its modes.
+    """Return the state at t [s] with the momenta that readings' velocities have in its modes.
 
-    numbers: of the readings, a row for each scene, which may be of other modes.
+    numbers: of the readings, a row for each scene. The readings may be from other modes.
     """
     state = state.copy()
     for scene, row, values in zip(system.scenes, _rows(system, state), numbers, strict=True):
@@ -220,7 +221,7 @@ def _write_momenta(
     """Write the momenta of velocities into a robot's state, in the present modes.
 
     omega: of the carrier, in its axes [rad/s]; rates (h,); slip (3,): of the shell's point at the
-    contact along X and Y [m/s], and a spin that omega lacks [rad/s].
+    contact along X and Y [m/s], and a spin that is not included in omega [rad/s].
     """
     count = system.count
     to_world, angles = rotation_matrix(state[:4]), state[HINGES : HINGES + count]

@@ -14,8 +14,8 @@ _FINE = 1e-12  # s, the tolerance of the time of the least load
 def in_space(motion: Motion) -> Array:
     """Return the contact points in space of a motion on a moving plane.
 
-    The plane is at the origin and at rest at time 0. A plane that oscillates therefore starts at a
-    turning point: a sine with the phase π/2 or -π/2.
+    At time 0 the plane is at the origin and at rest. A plane that oscillates therefore starts at a
+    turning point, and its acceleration is a sine with the phase π/2 or -π/2.
 
     Parameters
     ----------
@@ -34,14 +34,14 @@ def in_space(motion: Motion) -> Array:
     >>> rb.in_space(motion).shape
     (26, 3)
     """
-    from robotball.robot.function_drives import polynomials_of  # the equations do without
+    from robotball.robot.function_drives import polynomials_of  # not needed by the equations
 
     scene = motion.scene.until(float(motion.times[-1]))
     edges = [0.0, *(t for t in scene.breakpoints if t < scene.duration), scene.duration]
     place = np.zeros((len(motion.times), 3))
     place[:, :2] = motion.contact_point
     for axis, drive in enumerate(scene.plane_drives):
-        # A drive has only its first integral, the velocity.
+        # A drive gives only its first integral, here the velocity.
         of_plane = polynomials_of(drive.angle, edges)
         place[:, axis] += [of_plane.area(t) for t in motion.times.tolist()]
     return place
@@ -67,8 +67,8 @@ def check_pressed(scene: Scene) -> None:
     def load(t: float) -> float:
         return float(-scene.gravity_at(t)[2])
 
-    # The least load of ramps and samples is at a breakpoint. That of a sine, which is equal in
-    # every period, is next to the least of these times.
+    # With ramps and samples, the load is least at a breakpoint. With a sine, all periods have the
+    # same least load, and one of these minima is next to the sampled time with the least load.
     times = np.union1d(uneven(scene.duration, scene.duration / _LOAD_TIMES), scene.breakpoints)
     i = int(np.clip(scene.gravity_at(times)[:, 2].argmax(), 1, len(times) - 2))
     beside = (times[i - 1], times[i + 1])

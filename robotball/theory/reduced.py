@@ -21,11 +21,11 @@ from robotball.theory.dop853 import LEAST_RTOL, Compensated, Rate, one_by_one, t
 
 LABEL = Label("equations", version("robotball"), "#D55E00")  # vermillion of Okabe and Ito's set
 
-# rad, from the bound on |ω|. A motion of this length takes seconds here; the compiled step takes a
-# hundredth of that, but its code must be loaded first.
+# Largest angle [rad], from the bound on |ω|, for which DOP853 is used. It then takes seconds. The
+# compiled step takes a hundredth of this time, but its code must be loaded first.
 _LONG = 1e4
-# One to three minutes of work: at usual rates a day of motion with DOP853, a month with compiled
-# steps.
+# The largest numbers of steps take one to three minutes. At usual rates they are enough for a
+# motion of a day with DOP853, and of a month with compiled steps.
 _MAX_STEPS, _MAX_COMPILED_STEPS = 1_000_000, 100_000_000
 _ASTRAY = 1e100  # length of a quaternion in a failed trial step; its square would overflow
 _COARSER = 4.0  # factor of the tolerance for the motion that estimates the error
@@ -42,9 +42,9 @@ def integrate(
 
     The state is a unit quaternion q and the contact point: dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2.
     times: (n,) s, increasing from 0; rtol: the relative error allowed in one step; max_steps: the
-    largest number of steps; progress: called with the fraction of the motion that is known. Raises
-    InputError if these equations do not describe the scene, the limit is met, or a step becomes too
-    short.
+    largest number of steps; progress: called with the fraction of the motion that is complete.
+    Raises InputError if these equations do not describe the scene, if the motion needs more than
+    max_steps, or if a step becomes too short.
     """
     scene.check_reduced()
     whole = scene.until(float(times[-1]))
@@ -121,7 +121,8 @@ def compiled_states(
 ) -> Array:
     """Return the states (n, 6) for `motion_of` with the compiled step, for steady drives.
 
-    tolerance: of one step, STEP_TOLERANCE if None. Raises InputError at the limit of steps.
+    tolerance: of one step; None means STEP_TOLERANCE. Raises InputError if too many steps are
+    needed.
     """
     # numba is slow to import, and short motions do not need it.
     from robotball.theory.ensembles.orbits import STEP_TOLERANCE, kernel_start, orbit
@@ -135,8 +136,8 @@ def _solve(
     scene: Scene, times: Array, rtol: float, max_steps: int, progress: Progress | None
 ) -> Array:
     """Return states (n, 6) at the times, with a restart at every breakpoint of the drives."""
-    # X and Y are quadratures of q. With the radius as scale they do not shorten steps when they
-    # pass zero.
+    # X and Y are quadratures of q. Their scale is the radius, so that steps do not become shorter
+    # when X or Y passes zero.
     scale = np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
     rate, states = _right_hand_side(scene), np.empty((len(times), 6))
     states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)

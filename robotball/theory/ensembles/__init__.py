@@ -1,1 +1,1 @@
-"""The equations compiled: one step as straight-line code, marched in parallel lanes."""
+"""The compiled equations: a step is straight-line code, and orbits march in parallel lanes."""

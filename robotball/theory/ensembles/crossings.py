@@ -1,8 +1,9 @@
 """The compiled loop that finds the crossings of orbits with a section, in lanes.
 
-A lane marches until the section function changes its sign over a step. Then it looks back from the
-end of the step, with Newton steps inside the bracket, until the function is zero. If the function
-turns back near zero within a step, this step is searched too, because it may have two crossings.
+A lane marches until the section function changes its sign within a step. Then it looks back from
+the end of the step, with Newton steps inside the bracket, until the function is zero. If the
+function turns back near zero within a step, this step is also searched, because it may have two
+crossings.
 """
 
 import math
@@ -20,9 +21,9 @@ _ON_SECTION = 1e-12  # a start with a smaller value is on the section
 # A turning point with a smaller estimate is searched; steps of a radian estimate it to 5e-3.
 _NEAR_PLANE = 0.03
 _BEHIND = -0.1  # if cos(g - g₀) is smaller at both ends of a step, it is negative within it
-_TINY = 1e-300  # a value that only has a sign
-# Bisection takes about 50 tries, the estimates usually 4. A turning point needs fewer, because only
-# a value of the other sign is searched.
+_TINY = 1e-300  # a value of which only the sign matters
+# Bisection takes about 50 tries, the estimates usually take 4. A turning point needs fewer tries,
+# because only a value of the other sign is searched.
 _ROOT_TRIES, _TURN_TRIES = 60, 3
 _STARTING, _MARCHING, _TO_ROOT, _AT_ROOT, _TO_TURN = 0, 1, 2, 3, 4  # modes of a lane
 # Points on a lane's track with known values of the section function: the current state, the ends
@@ -43,8 +44,9 @@ def _put(tracks: Any, lane: int, target: int, source: int) -> None:
 def _root_estimate(tracks: Any, lane: int) -> float:
     """Return an estimate of the zero between _LOW and _HIGH, whose values have opposite signs.
 
-    It is from the cubic of time in the value with both times and rates if this is monotonic, else
-    the middle: Newton's method without a bracket diverges here.
+    The estimate comes from the cubic of time as a function of the value, with the times and rates
+    at both ends. If the cubic is not monotonic, the estimate is the middle. Newton's method without
+    a bracket diverges here.
     """
     low, high = tracks[lane, _LOW], tracks[lane, _HIGH]
     span, rise = high - low, tracks[lane, _HIGH + 1] - tracks[lane, _LOW + 1]
@@ -141,9 +143,9 @@ def cross(
 ) -> None:  # fmt: skip
     """Write the first m crossings of each of n orbits, after time 0.
 
-    queue, rows, lengths: as in `march_lanes`; step_limit: of steps without a crossing; longest:
-    how far to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both; w,
-    counters: of `work`; tracks: (LANES, TRACK).
+    queue, rows, lengths: as in `march_lanes`; step_limit: largest number of steps without a
+    crossing; longest: time at which the search ends [s]; direction: +1 or -1 for crossings in only
+    that direction, 0 for both directions; w, counters: from `work`; tracks: (LANES, TRACK).
     Writes times (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
     """
     size = states.shape[2]
@@ -177,7 +179,7 @@ def cross(
             elif mode[lane] == _STARTING:
                 _put(tracks, lane, _HERE, _SEEN)
                 if abs(tracks[lane, _SEEN + 1]) <= _ON_SECTION:
-                    # As if it had crossed just now: no crossing itself, but the next one is.
+                    # The start is not a crossing, so act as if the orbit had just crossed.
                     tracks[lane, _HERE + 1] = math.copysign(_TINY, tracks[lane, _SEEN + 2])
                 tracks[lane, _FACED], mode[lane] = facing, _MARCHING
             elif not rejected:

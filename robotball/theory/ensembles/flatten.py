@@ -3,9 +3,9 @@
 Dual numbers carry a value and its derivative. With them the functions of formulas.py give
 directional derivatives to round-off.
 
-A lane function evaluates a step on symbols, vectors with a number for each lane. A loop over lanes
-that calls a compiled right-hand side would stay scalar, four times slower, and one with all
-operations in its body takes twice as long to compile.
+A lane function evaluates a step with symbols, which are vectors with a number for each lane. A loop
+over lanes that calls a compiled right-hand side would stay scalar and be four times slower. A loop
+with all operations in its body would take twice as long to compile.
 """
 
 from collections.abc import Callable
@@ -83,7 +83,7 @@ FEW = 4  # doubles in an AVX register; the narrower step is faster for a single 
 
 
 class Symbol:
-    """A vector with a number for each lane, which becomes known when its code runs.
+    """A vector with a number for each lane; the numbers become known when the code is executed.
 
     Products with 0 are left out, because LLVM keeps them for infinite numbers.
     """

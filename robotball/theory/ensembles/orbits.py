@@ -1,8 +1,8 @@
 """Many motions at once, or one densely sampled, in compiled loops around the compiled step.
 
-Each lane has an orbit with its step length and error control, and takes the next orbit of the queue
-when it is done. Threads share a queue. Outputs within a step are computed with a shorter step from
-the same start, so they have the full order and need no interpolant.
+Each lane has an orbit with its own step length and error control. When the orbit is done, the lane
+takes the next orbit of the queue, which all threads share. Outputs within a step are computed with
+a shorter step from the same start, so they have the full order and need no interpolant.
 
 "Frame" axes here are the principal axes of the ball's inertia, in which `Parameters` are.
 """
@@ -64,7 +64,7 @@ take: Any = intrinsic(_take)
 
 @inlined
 def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: float) -> None:
-    """Put an orbit into a lane; row: the rows from BALL on, up to the end of its slope."""
+    """Put an orbit into a lane. row: the rows from BALL on, up to the end of the slope."""
     w[st.LENGTH * lanes + lane] = length
     w[st.ALLOWED * lanes + lane] = tolerance
     w[st.TIME * lanes + lane] = 0.0
@@ -77,7 +77,7 @@ def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: floa
 def load_next(
     w: Any, orbit: Any, lane: int, queue: Any, rows: Any, lengths: Any, tolerance: float
 ) -> bool:
-    """Put the queue's next orbit into a lane. Returns False, with orbit -1, if it is empty."""
+    """Put the queue's next orbit into a lane. If the queue is empty, return False and orbit -1."""
     waiting = take(queue)
     if waiting >= len(rows):
         orbit[lane] = -1
@@ -152,9 +152,9 @@ def follow(
 ) -> tuple[int, float]:  # fmt: skip
     """Write the states (m, size) of one orbit at m times, all after 0 and increasing.
 
-    step: for FEW lanes. Lane 0 marches; the others compute the outputs within its last step. w,
-    old: workspaces for the lanes, and for lane 0 before its step. Returns the status and the time
-    reached.
+    step: for FEW lanes. Lane 0 marches; the other lanes compute the outputs within the last step of
+    lane 0. w, old: workspaces for the lanes, and for lane 0 before its step. Returns the status and
+    the time reached.
     """
     size = states.shape[1]
     _, new, flag, _ = places(size)

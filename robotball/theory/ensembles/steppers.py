@@ -8,9 +8,9 @@ J. H. Verner, "Numerically optimal Runge-Kutta pairs with interpolants", Numeric
 (2010) 383-396, with his coefficients of 2024. On these equations it takes 10 to 27 % less time than
 scipy's DOP853 at the same error.
 
-A step is a plain function of the state and its length, which is traced with symbols (flatten.py)
-and compiled once for each rolling model. The ball is data. Only the errors of unit vectors are
-controlled, so tolerances have no unit.
+A step is a plain function of the state and the length of the step. It is traced with symbols
+(flatten.py) and compiled once for each rolling model; the parameters of the ball are data. Only the
+errors of unit vectors are controlled, so tolerances have no unit.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,10 +50,10 @@ class System:
     """Equations to step: their right-hand side, and the unit vectors in their state.
 
     rate: (state, parameters, level) -> d(state)/dt. units: the dimensions of the unit vectors
-    that the state starts with; only their error is controlled, and they are normalised at every
-    step. The other numbers are quadratures of them. loose: the factor of the tolerance for each
-    unit vector. section: (state, parameters, level, numbers of the section) -> `_SectionValue`, if
-    there is a section.
+    with which the state starts. Only the error of unit vectors is controlled, and they are
+    normalised at every step. The other numbers of the state are quadratures of the unit vectors.
+    loose: the factor of the tolerance for each unit vector. section: (state, parameters, level,
+    numbers of the section) -> `_SectionValue`, if there is a section.
     """
 
     name: str
@@ -65,7 +65,7 @@ class System:
 
     @property
     def allowed(self) -> list[float]:
-        """The factors of the tolerance, one for each number whose error is controlled."""
+        """The factors of the tolerance for each number whose error is controlled."""
         return [times for n, times in zip(self.units, self.loose, strict=True) for _ in range(n)]
 
 
@@ -85,8 +85,8 @@ def _attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
 def _deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
     """Return d/dt of (q, ξ, ln growth, ln volume): a neighbouring orbit's direction and distance.
 
-    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ. The state has its
-    direction as a unit vector, and the logarithm of its length.
+    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ. The state has the
+    direction of ξ as a unit vector, and the logarithm of the length of ξ.
     """
     q, alpha, _, gamma, omega = _turning(state, parameters, level)
     xi: Vector = (state[4], state[5], state[6])
@@ -133,9 +133,10 @@ def _arc_function(state: State, parameters: Parameters, level: Level, arc: State
     return eq.dot(normal, gamma), eq.dot(normal, eq.cross(gamma, omega)), eq.dot(middle, gamma)
 
 
-# The factor of the tolerance for a neighbour's direction, of which only the mean growth is used.
-# Its error is about 10 times as large as the error of the attitude. With the same tolerance it
-# would determine the step, with a seventh more steps for the same exponents.
+# The factor of the tolerance for the direction of a neighbouring orbit, which is needed only for
+# the mean growth. The error of the direction is about 10 times that of the attitude. With the same
+# tolerance, the direction would determine the step, and the same exponents would need a seventh
+# more steps.
 _DIRECTION = 100.0
 
 PATH = System("path", 6, (4,), _path_rate)
@@ -149,7 +150,7 @@ DEVIATION = System("deviation", 9, (4, 3), _deviation_rate, loose=(1.0, _DIRECTI
 # the section value, whose sizes depend on the system.
 LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 23
 REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
-# Free order of sums saves up to a tenth of the time at the same rounding; NaN is preserved.
+# A free order of sums saves up to a tenth of the time. Rounding errors are as large, and NaN stays.
 _FREEDOM = {"contract", "reassoc", "nsz"}
 _SEEN = 3  # numbers of a section
 
@@ -251,9 +252,10 @@ def runge_kutta(
 def _step(read: Callable[[int], Any], system: System, rolling: Rolling) -> dict[int, Any]:
     """Return the rows of a workspace after a system's step, from `read`, which gives a row.
 
-    A lane whose target is nearer than its length only looks: it writes the state there to the rows
-    of the new state. Otherwise it marches: time, state and slope advance if the error is within the
-    tolerance. After the new state follow the flag and the section value of the new state.
+    A lane only looks if its target is nearer than the length of its step: it then writes the state
+    at the target to the rows of the new state. Otherwise it marches: time, state and slope advance
+    if the error is within the tolerance. The flag and the section value of the new state follow the
+    new state.
     """
     SLOPE, NEW, FLAG, _ = places(system.size)
     row = [read(i) for i in range(NEW)]

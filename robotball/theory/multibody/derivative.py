@@ -3,10 +3,10 @@
 A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contact point, the
 momentum M in space axes, the work lost to rolling resistance, and for every hinge its angle, its
 momentum (if its rate is not prescribed) and the work of its motors. If the friction of the plane is
-finite, the horizontal momentum P along X and Y and the loss to friction follow, and if the plane
-moves or turns its work on the ball. While a rubber shell spins, L takes the place of M. A motor
-moves one hinge, or several with gears. The derivative also gives the forces and rates in
-`Readings`.
+finite, the horizontal momentum P along X and Y and the loss to friction follow. If the plane moves
+or turns, the work of the plane on the ball follows. While a rubber shell spins, the state has L in
+place of M. A motor moves one hinge, or several hinges with gears. The derivative also gives the
+forces and rates in `Readings`.
 
 A call of compiled code takes longer than one derivative, so `differentiate` computes all stages of
 a step, of one robot or of several.
@@ -56,12 +56,12 @@ POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10
 _FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING, _SLIP, PER_HINGE = 0, 3, 6, 9, 12, 15
 # Indices in the row of a motor's law.
 _PER_COMMAND, _PER_ANGLE, _PER_RATE, _AT_REST, LIMIT, _FRICTION, MOTOR = 0, 1, 2, 3, 4, 5, 6
-# rad/s: a shell that rolls no faster stands. Below it the direction of the resistance, which jumps
-# at rest, is smoothed.
+# rad/s: a shell that rolls at most at this rate stands. Below this rate, the direction of the
+# resistance, which jumps at rest, is smoothed.
 STANDING = 1e-8
 
 
-# The formulas call each other, and numba compiles only calls of registered functions.
+# The formulas call each other, and numba compiles a call only if the function is registered.
 for _module in (eq, mechanics):
     for _function in vars(_module).values():
         if isinstance(_function, FunctionType):
@@ -69,14 +69,14 @@ for _module in (eq, mechanics):
 
 
 class Machine(NamedTuple):
-    """The parameters of a scene; with n robots each has a row.
+    """The parameters of a scene; with n robots, each robot has a row.
 
     bodies, radius, carrier: of its `Robot`; motors (m, MOTOR): the laws of the motors; gears
-    (m, h); resistance m: the plane's resistance to rolling; friction (2,): its sliding coefficient
-    and its torsional one [m], inf if not limited. All robots share carrier, given and spin_free.
-    given (k,): whether a rate of u is prescribed; for the shell's three, about the axes of space,
-    and the slip velocity it depends on the modes; spin_free: whether a shell that sticks may not
-    turn about the vertical.
+    (m, h); resistance: the plane's resistance to rolling [m]; friction (2,): the plane's sliding
+    coefficient, and its torsional coefficient [m], inf if not limited. All robots share carrier,
+    given and spin_free. given (k,): whether a rate of u is prescribed; for the shell's three rates,
+    about the axes of space, and for the slip velocity this depends on the modes; spin_free: whether
+    a shell that sticks may not turn about the vertical.
     """
 
     bodies: Array
@@ -91,7 +91,7 @@ class Machine(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """Inputs at the stages of a step (s, ...); with n robots each has a row.
+    """Inputs at the stages of a step (s, ...); with n robots, each robot has a row.
 
     rates, accelerations (s, h): of the hinges; commands (s, m): of the motors; gravity (s, 3) m/s²
     and plane (s, 5): the velocity of the plane [m/s], world axes, the rate at which it turns
@@ -111,7 +111,7 @@ class Modes(NamedTuple):
     motors (m,): -1 or 1 at a torque limit, else 0; standing: whether the plane's resistance to
     rolling holds the shell; toward (3,), world: the direction in which it will roll; slipping:
     whether the friction is exceeded; ahead (n, s, 3), n and s may be 1: the directions of Wv that
-    the friction of n robots opposes at the stages of a step, 0 for those of their slip.
+    the friction of n robots opposes at the stages of a step; 0 means the direction of the slip.
     """
 
     motors: NDArray[np.int64]
@@ -210,7 +210,7 @@ _SIGNATURE = types.void(
 )  # fmt: skip
 
 
-# Calls with many arrays, and numba's reference counts, would take as long as the formulas.
+# Calls with many arrays, with numba's reference counts, would take as much time as the formulas.
 _OPTIONS = {"forceinline": True, "_nrt": False, "no_cfunc_wrapper": True}
 _FILES = rotations.__file__, eq.__file__, mechanics.__file__, __file__
 
@@ -224,7 +224,7 @@ def differentiate_stages(
 
     Vectors are in world axes, but for the arguments and results of `mechanics`.
     """
-    # One long function, because numba compiles a function again with each one that calls it.
+    # This is one long function, because numba compiles a function again for each of its callers.
     state, moving, joints, matrix = work.state, work.moving, work.joints, work.matrix
     count, given, size = len(work.forces), machines.given, len(state)
     root, slipping = len(given) - count, HINGES + 3 * count
@@ -363,8 +363,8 @@ def differentiate() -> Any:
     `dop853.Stages`, for the concatenated states of all robots; arrays for the last displacement and
     for the readings (n, s, ...) at the stages; and a workspace.
     """
-    # The entry of its only signature: numba's dispatch on the types of its records takes longer
-    # than the derivative of a ball.
+    # Return the entry point for the only signature: numba's dispatch on the types of the records
+    # takes longer than the derivative of a ball.
     return next(iter(differentiate_stages.code.overloads.values())).entry_point
 
 

@@ -25,13 +25,13 @@ from robotball.theory.multibody.derivative import (
 from robotball.theory.multibody.march import March
 from robotball.theory.multibody.system import System
 
-_MAX_STEPS = 1_000_000  # ten minutes, if motors settle so fast that they limit the step
-_MANY_STEPS = 100_000  # a minute
+_MAX_STEPS = 1_000_000  # take ten minutes, if motors settle so fast that they limit the step
+_MANY_STEPS = 100_000  # take a minute
 _SECONDS = 6e-4  # s of time per step of the motion and of the one that estimates its error
 _STABLE = 6.3  # longest stable step of DOP853, times the rate at which the fastest motor settles
 _DIFFERENCE = 1e-6  # of a state's scale: the half step of the Jacobian's differences
-# Factor of the tolerance for the motion that estimates the error. Its steps are a fifth longer, so
-# no two of them round alike.
+# Factor of the tolerance for the motion that estimates the error. The steps of this motion are a
+# fifth longer, so that its rounding errors differ.
 _COARSER = 4.0
 
 
@@ -44,7 +44,7 @@ def integrate(
 ) -> ReferenceMotion:
     """Integrate the motion of any robot that rolls, with an estimate of its error.
 
-    If a joint reaches an end of its range, the motion ends there, with a warning and fewer times.
+    If a joint reaches an end of its range, the motion ends at that time, and there is a warning.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def integrate(
     max_steps : int, optional
         The largest number of steps.
     progress : callable, optional
-        Called with the fraction of the motion that is known, from 0 to 1.
+        Called with the fraction of the motion that is complete, from 0 to 1.
 
     Returns
     -------
@@ -67,8 +67,8 @@ def integrate(
     Raises
     ------
     InputError
-        If the ball lifts off, a step becomes too short, the limit of steps is met, or the motors
-        settle so fast that it would be met.
+        If the ball lifts off, if a step becomes too short, if max_steps is reached, or if the
+        motors settle so fast that max_steps would be reached.
     """
     limit = _MAX_STEPS if max_steps is None else max_steps
     whole = scene.until(float(times[-1]))
@@ -82,7 +82,7 @@ def integrate(
 
     def again() -> Array:
         coarser = march(_COARSER * rtol)
-        coarser.system.ranges = []  # a range might end this motion a rounding earlier
+        coarser.system.ranges = []  # because of rounding, a range might end this motion earlier
         return coarser.run(times)[0][:, POINT:MOMENTUM]
 
     first = march(rtol)
@@ -107,7 +107,7 @@ def integrate(
 
 
 def _end_of_range(scene: Scene, march: March, samples: int) -> str | None:
-    """Return, and warn, which joint's range ended the motion and when; None if none did.
+    """Return a text, also as a warning, on the range that ended the motion; None if none did.
 
     Raises InputError if the motion has fewer than two samples.
     """
@@ -135,12 +135,13 @@ def _end_of_range(scene: Scene, march: March, samples: int) -> str | None:
 def integrate_together(
     scenes: Sequence[Scene], times: Array, rtol: float, max_steps: int = _MAX_STEPS
 ) -> list[Motion]:
-    """Integrate robots whose parameters differ slightly with the same steps and the same modes.
+    """Integrate robots whose parameters differ slightly, with the same steps and the same modes.
 
-    The motions then differ because of the parameters alone, and finite differences of them are as
-    accurate as the parameters' differences are small. Steps and modes are those of the first scene.
-    The motions stay right if modes change, because forces are continuous there. The scenes have no
-    controller and the breakpoints of the first one. Raises InputError as `integrate` does.
+    The motions then differ only because of the parameters, so finite differences of the motions are
+    the more accurate, the smaller the differences of the parameters are. Steps and modes are those
+    of the first scene. The motions stay accurate when modes change, because forces are continuous
+    at a change. The scenes must have no controller and must have the breakpoints of the first
+    scene. Raises InputError as `integrate` does.
     """
     end = float(times[-1])
     wholes = [scene.until(end) for scene in scenes]
@@ -181,7 +182,7 @@ def _fastest_rate(system: System, progress: Progress | None) -> float:
     for step in np.diag(_DIFFERENCE * system.scale)[changing]:
         change = system.rate(0.0, state + step) - system.rate(0.0, state - step)
         columns.append(change[changing] / (2 * step.max()))
-        # Hundreds of hinges take half a minute. The first column may include compiling.
+        # With hundreds of hinges this takes half a minute. The first column may include compiling.
         if progress is not None:
             progress(0.0)
     if not np.isfinite(columns).all():

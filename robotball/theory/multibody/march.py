@@ -1,8 +1,8 @@
 """Integration of a system from event to event.
 
 A motion is smooth between its breakpoints and its events, and DOP853 steps along each smooth piece.
-A step over an event is discarded. Shorter steps that end at the event replace it, and the next
-piece begins in the modes that follow.
+If a step extends over an event, shorter steps that end at the event replace this step. The next
+piece begins in the modes that follow the event.
 """
 
 from dataclasses import dataclass, field
@@ -21,14 +21,14 @@ from robotball.theory.multibody.slip_steps import SlipSteps
 from robotball.theory.multibody.system import System
 from robotball.theory.plane import lift_off
 
-_LEEWAY = 1.08  # times the step that scipy proposes, which is 0.9 of the one that the error allows
-_LOOKS = 4  # times within a step at which margins are evaluated, for an event that ends within it
-# If at both ends of a step a margin is larger than this and twice its change, no event is searched
-# in it: a step is short against the time in which a margin turns.
+_LEEWAY = 1.08  # times scipy's proposed step, which is 0.9 of the step that the error allows
+_LOOKS = 4  # times in a step at which margins are evaluated, to find an event that ends within it
+# No event is searched in a step if a margin is larger than this, and than twice its change, at both
+# ends of the step: a step is short compared with the time in which a margin turns back.
 _FAR = 0.1
 _ROOT = 1e-15  # s, and relative: the tolerance of an event's time
-# The index of this margin; its event ends the rolling. The ranges of joints follow, which end the
-# motion, then the limited motors, a standing shell, and a sticking one.
+# The index of this margin, whose event ends the rolling. After it come the margins of the ranges of
+# joints, which end the motion, of the limited motors, of a standing shell, and of a sticking shell.
 _LIFT_OFF = 0
 
 
@@ -47,13 +47,13 @@ class March:
     max_steps : int
         The largest number of steps.
     progress : callable or None
-        Called with the fraction of the motion that is known.
+        Called with the fraction of the motion that is complete.
     loop : Loop or None
         The loop of the scene's controller.
     natural : float or None, s
-        The longest step that the error asked for in the last piece.
+        The longest step that the error permitted in the last piece.
     stiff : bool
-        Whether a shell slips so that the equations are stiff.
+        Whether a shell slips in such a way that the equations are stiff.
     steps : int
         The number of steps so far.
     switches : list of float, s
@@ -77,8 +77,8 @@ class March:
     def run(self, times: Array) -> tuple[Array, Array]:
         """Return states (n, size) at times (n,), increasing from 0, and the numbers of readings.
 
-        There are fewer if a joint's range ends the motion. Raises InputError if the ball lifts off,
-        the limit of steps is met, or a step becomes too short.
+        There are fewer states if a joint's range ends the motion. Raises InputError if the ball
+        lifts off, if the limit of steps is reached, or if a step becomes too short.
         """
         system = self.system
         samples = _Samples(system, times)
@@ -126,7 +126,7 @@ class March:
                 # stay in the rest of the motion.
                 return t, _switch_modes(system, t, self._at(before, t), margin)
             longest = max(longest, solver.next_step)
-            # No margin changes its sign when a shell comes to rest, so every step is checked.
+            # When a shell comes to rest, no margin changes its sign, so every step is checked.
             if system.resistance and not system.modes.standing:
                 readings = system.readings(solver.t, solver.state)
                 state = _hold_at_rest(system, solver.t, solver.state, readings)
@@ -183,8 +183,8 @@ class March:
         rtol = min(self.rtol, friction.SLIP_RTOL) if system.modes.slipping else self.rtol
         solver = Compensated(system.stages, begin, end, state, rtol, system.scale)
         if system.holds and self.natural is not None:
-            # As many equal steps as the last piece would have taken. To search the length of the
-            # first step after each of many commands would take as long as the motion.
+            # Take equal steps of about the length in the last piece. Searching for the length of
+            # the first step after each of many commands would take as long as the motion.
             count = float(np.ceil((end - begin) / (_LEEWAY * self.natural)))
             solver.next_step = (end - begin) / count
         return solver
@@ -197,7 +197,7 @@ class March:
             return state
         now, self.system.modes = self.system.modes, modes
         solver = self._solver(begin, t, state)
-        solver.next_step = t - begin  # no longer than the step that was taken
+        solver.next_step = t - begin  # not longer than the step that was taken
         while solver.t < t:
             self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
         self.system.modes = now
@@ -298,7 +298,7 @@ def _hold_at_rest(system: System, t: float, state: Array, readings: Readings) ->
 def _let_go(system: System, t: float, state: Array) -> Array:
     """Set the mode of a standing shell that begins to roll, and return the state.
 
-    If the load grows, the direction stays opposite to the holding torque.
+    If the load increases, the direction stays opposite to the holding torque.
     """
     readings = system.readings(t, state)
     state = friction.with_momenta(system, t, state, system.numbers(t, state))

@@ -1,9 +1,9 @@
 """Implicit steps of a shell that slips slowly, for which the equations are stiff.
 
 The direction of friction then settles much faster than anything else changes. In these steps of
-Radau IIA the directions at the stages are unknowns of their own: with friction along given
-directions the equations are not stiff, and fixed-point iteration solves them. Newton's method turns
-the directions until the shell slips along them, which also works where slip begins, with v = 0.
+Radau IIA, the directions at the stages are separate unknowns. For given directions of friction the
+equations are not stiff, and fixed-point iteration solves them. Newton's method turns the directions
+until the shell slips along them. This also works at the begin of slip, where v = 0.
 """
 
 import numpy as np
@@ -42,7 +42,7 @@ class SlipSteps:
     """Steps of k robots from a state (n,) at t to `end` [s], with the members of `Compensated`.
 
     After a step the modes of the system have no direction ahead. left: the time [s] until the slip
-    of the first robot would end, inf if it becomes faster.
+    of the first robot would end; inf if the slip speed increases.
     """
 
     def __init__(self, system: System, t: float, end: float, state: Array) -> None:
@@ -60,7 +60,7 @@ class SlipSteps:
         self._last = t, 1.0, state, constant * self.derivative, constant * self._ahead[:, None]
 
     def step(self) -> str | None:
-        """Take a step. Returns why it could not be taken, else None."""
+        """Take a step. Returns None, or the reason why this was impossible."""
         length = min(self.next_step, self.end - self.t, _TOWARD * self.left)
         while True:
             error, sweeps, directions, slopes = self._solve(length)
@@ -79,13 +79,14 @@ class SlipSteps:
                 return "the tolerance needs steps below the spacing of floating-point numbers"
 
     def _linearize(self) -> None:
-        """Compute the derivative (n,) of the state, and what turns of the directions change.
+        """Compute the derivative (n,) of the state, and how turns of the directions change it.
 
-        Those are derivatives (k, 3, size), and W dv/dt (k, 3, 3) with its components last.
+        The changes are of derivatives (k, 3, size) and of W dv/dt (k, 3, 3), whose components are
+        last.
         """
         system, turns = self.system, np.vstack([np.zeros(3), _TURN * np.eye(3)])
         modes = system.modes
-        # Four stages at the state, and four a moment after them.
+        # Four stages at the state, and four stages a moment later.
         weights, slopes = np.eye(8, k=-4), np.empty((8, len(self.state)))
         system.modes = modes._replace(ahead=np.tile(self._ahead[:, None] + turns, (1, 2, 1)))
         times, begin = np.repeat([self.t, self.t + NUDGE], 4), np.zeros_like(self.state)
@@ -109,7 +110,7 @@ class SlipSteps:
         system, unit = self.system, self.system.scale + np.abs(self.state)
         modes = system.modes
         times, begin = self.t + _NODES * length, np.zeros_like(self.state)
-        # First extrapolate the last step, or constants.
+        # Start the iteration from the extrapolated last step, or from constants.
         began, before, _, series, turning = self._last
         P = legendre.legvander(2 * (times - began) / before - 1, _COUNT - 1)
         slopes, directions, change = np.tile(P @ series, (2, 1)), P @ turning, np.inf
@@ -128,7 +129,7 @@ class SlipSteps:
             new = slopes[_COUNT:] + np.hstack([*(turn @ self._by_turn)])
             last, change = change, length * float((np.abs(new - slopes[:_COUNT]) / unit).max())
             slopes[:_COUNT] = new
-            # A geometric decrease would not be enough.
+            # Judge convergence by a geometric decrease of the changes in the remaining sweeps.
             converges = change * min(change / last, 1.0) ** (_SWEEPS - sweep) < _SOLVED
             fails = sweep > _FEW and not converges
             if change < _SOLVED or fails:

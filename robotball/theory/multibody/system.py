@@ -28,10 +28,10 @@ from robotball.theory.multibody.derivative import (
 
 
 class System:
-    """The derivative of a scene's state in its modes, within a smooth piece.
+    """The derivative of a scene's state in the present modes, within a smooth piece.
 
-    Several scenes may differ only in their parameters. Their states are concatenated. The modes,
-    readings and margins are those of the first scene.
+    If there are several scenes, they may differ only in their parameters. Their states are
+    concatenated. The modes, readings and margins are those of the first scene.
     """
 
     def __init__(self, *scenes: Scene) -> None:
@@ -77,7 +77,7 @@ class System:
             for scene in scenes
         ]
         self.holds = any(isinstance(command, HeldCommand) for command in self._commands[0])
-        # The planes that move differently: a scene of each, and the robots on it.
+        # For each plane with another motion: a scene with this plane, and the robots on the plane.
         self._planes: dict[Any, tuple[Scene, list[int]]] = {}
         for k, scene in enumerate(scenes if moves else ()):
             plane = *scene.gravity_world.tolist(), *scene.plane_drives, scene.plane_turn
@@ -92,7 +92,7 @@ class System:
 
     def begin(self, t: float, end: float) -> None:
         """Begin a smooth piece from t to `end` [s], within which no command changes its drive."""
-        # A drive's rate may jump at the end; the last state of the piece is before the jump.
+        # A drive's rate may jump at the end of the piece. The last state is before the jump.
         self.end = float(np.nextafter(end, t))
         self._known: tuple[float, bytes, Modes] | None = None
         commands = [
@@ -142,7 +142,7 @@ class System:
 
     def numbers(self, t: float, state: Array) -> Array:
         """Return the numbers of the readings at time t [s], a row for each scene."""
-        # Margins are computed at the end of a step, which has just been evaluated.
+        # Margins are computed at the end of a step, where the readings are already known.
         known = self._known
         if not known or known[:2] != (t, state.tobytes()) or known[2] is not self.modes:
             self.rate(t, state)
@@ -176,7 +176,7 @@ class System:
                 inputs.rates[k, stages, i] = rates
                 inputs.accelerations[k, stages, i] = accelerations
         for i, drive, robots in self._changing_commands:
-            commands = drive.rate(within)  # one that is held may jump
+            commands = drive.rate(within)  # a held command may jump at the end
             for k in robots:
                 inputs.commands[k, stages, i] = commands
         for scene, robots in self._planes.values():

@@ -1,4 +1,4 @@
-"""The names of `robotball`, each from its home; loaded when they are first used."""
+"""The public names of `robotball`, each from its module, which is loaded on first use."""
 
 import types
 

@@ -242,8 +242,8 @@ def _check_continuous(begin: float, end: float, values: Array) -> None:
 class HeldCommand:
     """The commands of a controller in a run, each held until the next; a drive before the first.
 
-    Commands are added during the run. They can only be for motors, because a prescribed rate must
-    not jump.
+    Commands are added during the run. Only motors can have such commands, because a prescribed rate
+    must not jump.
     """
 
     # Any: drives.Drive, whose module imports this one.

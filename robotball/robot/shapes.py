@@ -154,7 +154,7 @@ def add_geoms(
 
 
 def _asset(assets: Element, shape: Shape, unit: float) -> str:
-    """Return the name of a shape's mesh. The mesh is added unless an equal shape has added it."""
+    """Return the name of a shape's mesh. Add the mesh unless an equal shape already has it."""
     radius, tube, _ = shape.size
     if shape.kind == "torus":
         name, scale = f"ring_{radius:.4g}_{tube:.4g}", np.full(3, radius * unit)

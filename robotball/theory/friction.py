@@ -202,9 +202,10 @@ def across(L: Array) -> Array:
 
 
 def with_momenta(system: System, t: float, state: Array, numbers: Array) -> Array:
-    """Return the state at t [s] with the momenta that readings' velocities have in its modes.
+    """Return the state at t [s] with momenta computed from velocities, in the present modes.
 
-    numbers: of the readings, a row for each scene. The readings may be from other modes.
+    numbers: the numbers of the readings that have the velocities, a row for each scene. The
+    readings may be from other modes.
     """
     state = state.copy()
     for scene, row, values in zip(system.scenes, _rows(system, state), numbers, strict=True):

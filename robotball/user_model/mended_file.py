@@ -420,7 +420,7 @@ class RobotNumbers(Numbers):
     """The numbers of a robot's file, and their paths.
 
     source: the text of the file. table: the table of the scene file that names the robot. controls:
-    controls by the names of actuators, which replace the controls of the keyframe.
+    values by the names of actuators, which replace the controls of the keyframe.
     """
 
     robot: RobotFile

@@ -148,7 +148,7 @@ class March:
     def _event(
         self, solver: Steps, before: float, margins: Array
     ) -> tuple[tuple[float, int] | None, Array]:
-        """Return the time and margin of the last step's first event, and the margins after it."""
+        """Return time and margin of the last step's first event, and the margins after that."""
         system = self.system
         after = _margins_of(system, solver.t, solver.state)
         if (np.minimum(margins, after) > _FAR + 2 * np.abs(after - margins)).all():

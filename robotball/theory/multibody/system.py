@@ -109,7 +109,7 @@ class System:
 
     @cached_property
     def scale(self) -> Array:
-        """The units in which the errors of a state's numbers are measured."""
+        """The scales by which the errors of a state's numbers are divided."""
         return np.concatenate([_scale_of(scene) for scene in self.scenes])
 
     def start(self) -> Array:

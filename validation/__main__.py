@@ -1,8 +1,9 @@
 """The `robotball` command as a process: streams, signals and exit status.
 
-`python -m validation` is the same command. It continues if a stream cannot show a character, or if
-the reader of its output leaves. Ctrl-C, SIGTERM and a closed terminal (SIGHUP) end it soon, without
-unfinished files. Worker processes import this module, so it imports little.
+`python -m validation` is the same command. The command continues if a stream cannot show a
+character, or if the reader of its output closes the pipe. Ctrl-C, SIGTERM and a closed terminal
+(SIGHUP) end the command soon, without unfinished files. Worker processes import this module, so it
+imports little.
 """
 
 import io
@@ -22,7 +23,7 @@ from robotball.files.replacing import remove_unfinished
 _DEFECT = 3  # exit status after an error of robotball itself
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _SIGNALLED = 128  # plus the number of the signal: the exit status in shells, 130 after Ctrl-C
-_GRACE = 2.0  # s that Python has to end the command; compiled code may prevent it
+_GRACE = 2.0  # s for Python to end the command; compiled code may prevent this
 
 
 def main() -> None:
@@ -51,7 +52,7 @@ def _open_closed() -> None:
             os.set_inheritable(number, True)
             stream = os.fdopen(number, mode)
             setattr(sys, name, stream)
-            setattr(sys, f"__{name}__", stream)  # keeps it open if it is replaced
+            setattr(sys, f"__{name}__", stream)  # keeps the stream open if sys gets another one
 
 
 def _make_lasting() -> None:
@@ -64,9 +65,9 @@ def _make_lasting() -> None:
 
 
 class _Lasting(io.TextIOWrapper):
-    """A stream that discards its output after its reader has left.
+    """A stream that discards its output after the reader has closed the pipe.
 
-    Raises InputError if it cannot be written for another reason, such as a full disk.
+    Raises InputError if a write fails for another reason, such as a full disk.
     """
 
     def write(self, text: str) -> int:
@@ -94,8 +95,8 @@ class _Lasting(io.TextIOWrapper):
 class _Interrupted(KeyboardInterrupt):
     """The exception that a signal raises.
 
-    After a KeyboardInterrupt itself in an `exec` of text, such as in the definition of a dataclass,
-    Python would exit by the signal even if the exception is caught.
+    The signal does not raise KeyboardInterrupt itself: if this is raised in an `exec` of text, such
+    as in the definition of a dataclass, Python exits by the signal even if the exception is caught.
     """
 
 
@@ -111,7 +112,7 @@ def _ended_by_signals() -> Iterator[list[int]]:
     """End the block with an exception at a signal, or end the process if that takes too long.
 
     Python handles a signal between two bytecodes, not during compiled code. But the number of the
-    signal arrives in a pipe immediately, and a thread reads it. The block ends with SystemExit even
+    signal immediately arrives in a pipe, which a thread reads. The block ends with SystemExit even
     if a library catches the exception. Yields the numbers of the signals received.
     """
     came: list[int] = []

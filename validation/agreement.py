@@ -38,7 +38,7 @@ _LIMITED = 3.0
 class Agreement(Value):
     """Compare a contact engine's motion with the reference motion.
 
-    The errors of a motion that broke off are None, and `faults` has the reason.
+    If the run failed before its end, the errors are None, and `faults` has the reason.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Agreement(Value):
     motion : ContactMotion
         The motion of the contact engine.
     engine : Engine or None
-        The engine of the motion. None if the motion cannot be run again.
+        The engine that ran the motion. None if the motion cannot be run again.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Agreement(Value):
 
     @property
     def path_error(self) -> float:
-        """The largest contact-point error over the path's length or the radius."""
+        """The largest contact-point error, divided by the path's length or the radius."""
         return self._measured(path_error)
 
     @property
@@ -128,7 +128,7 @@ class Agreement(Value):
 
     @property
     def momentum_error(self) -> float:
-        """The largest error of M, relative."""
+        """The largest relative error of M."""
         return self._measured(momentum_error)
 
     def _measured(self, measure: Callable[[Motion, Motion], float]) -> float:
@@ -151,8 +151,9 @@ class Agreement(Value):
     def agrees(self) -> bool:
         """Whether path and momentum are within the tolerance, without a fault.
 
-        The path alone is not enough because errors can cancel in it, unless an accuracy of the path
-        was requested. If the reference ended early, the motion does not agree.
+        Momentum is checked too, because errors can cancel in the path. If an accuracy of the path
+        was requested, only the path is checked. If the reference ended early, the motion does not
+        agree.
         """
         return self._near and self.ended is None
 
@@ -185,27 +186,27 @@ class Agreement(Value):
 
     @property
     def limited_by_reference(self) -> bool:
-        """Whether the path error may be as much the reference's own as the engine's."""
+        """Whether the path error may be the error of the reference, not of the engine."""
         own = self.reference_error
         return own is not None and self.path_error < _LIMITED * own
 
     @cached_property
     def sensitivity(self) -> "Sensitivity | None":
-        """The motion's sensitivity to small errors, if only the path is off and it is known.
+        """The motion's sensitivity to small errors; None if it is unknown.
 
-        Short runs of the same engine measure it.
+        Short runs of the same engine measure the sensitivity, if only the path disagrees.
         """
         if self.engine is None or self.faults or self._near or not self.finished:
             return None
         if self.scene.keeps_momentum and not self.keeps_momentum:
-            return None  # M is constant even in sensitive motions, so the engine lost it
+            return None  # M is constant even in sensitive motions: the engine changed it
         from .sensitivity import sensitivity
 
         return sensitivity(self.engine, self.motion, self.theory)
 
     @cached_property
     def slip(self) -> "Slip | None":
-        """What limited friction does to the motion; None if it is enough for ideal rolling."""
+        """The effect of limited friction on the motion; None if friction suffices for rolling."""
         from .slip import slip_of
 
         return slip_of(self.theory, self.motion, self.engine)
@@ -214,7 +215,7 @@ class Agreement(Value):
     def loop_growth(self) -> float | None:
         """The growth of a small rotation of the start in a closed loop; None without a controller.
 
-        It is the path error over the path's length, per radian.
+        The growth is the path error divided by the path's length, per radian of the rotation.
         """
         if self.scene.controller is None:
             return None
@@ -254,7 +255,7 @@ def compare(
 ) -> Agreement:
     """Run a scene with a contact engine, integrate the equations, and compare both motions.
 
-    The friction of the engine is checked against the need of the whole motion.
+    The engine's friction is checked against the friction that the whole motion needs.
 
     Parameters
     ----------
@@ -267,8 +268,8 @@ def compare(
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     accuracy : float, optional
-        The path error to reach, relative to the path's length. It chooses the settings, so give
-        either `accuracy` or `settings`.
+        The path error to reach, relative to the path's length. Settings are chosen for this error,
+        so give either `accuracy` or `settings`.
     theory : Motion, optional
         The reference motion at these times, if it is known.
     strict : bool, default False
@@ -308,6 +309,6 @@ def compare(
 
 def compare_with(theory: Motion, request: Request) -> Agreement:
     """Compare the run of a request with a known reference motion."""
-    # Without these loads, the precheck would know only the loads at the start.
+    # Without these loads, the check before the run would use only the loads at the start.
     motion = run_request(theory.scene, theory.times, replace(request, loads=theory.loads))
     return Agreement(theory, motion, request.engine)

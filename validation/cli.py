@@ -1,7 +1,7 @@
 """The `robotball` command: arguments in, exit status out.
 
-Exit status: 0 agreement within the bound, 1 no agreement, 2 bad input or a refusal of the system.
-The module of a command is imported when that command is named.
+Exit status: 0 for agreement within the bound, 1 for no agreement, 2 for bad input or if the system
+refuses. The module of a command is imported when that command is named.
 """
 
 import atexit
@@ -31,7 +31,7 @@ from robotball.errors import InputError, SceneWarning, UnitWarning, unknown
 from .options import BAD_INPUT
 
 _INTERRUPTED = 130
-_AS_GIVEN = "--as-given"  # of every command: numbers that seem to be in another unit are meant
+_AS_GIVEN = "--as-given"  # option of every command: accept numbers that seem to be in another unit
 # The headings of `--help`, and their commands, each after its module in `commands`.
 GROUPS = {
     "Compare": "compare:compare compare:report film:video film:view compare:demo robots:scenes",
@@ -61,8 +61,8 @@ _KINDS = {float: "a number", int: "a whole number"}
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
-    # A command loads a million objects, and few are garbage. Rare collections, without one at the
-    # end, save half a second.
+    # A command creates a million objects, and few are garbage. Rare garbage collections, and none
+    # at the end, save half a second.
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
     # The monitor of a run reports the warnings that MuJoCo would log.
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         warnings.simplefilter("error", UnitWarning)
     try:
         command, bound = parse(arguments)
-        from robotball.processes import at_most  # which --help does without
+        from robotball.processes import at_most  # not needed by --help
 
         options = dict(_options_of(bound))
         with _standard_output_of(options), at_most(options.get("threads")):
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def parse(arguments: Sequence[str]) -> tuple[Any, BoundArguments]:
-    """Return the function of a command and its arguments; print the help if it is asked for.
+    """Return the function of a command and its arguments; print help if requested.
 
     Raises InputError, in one line, for arguments that no command takes, and SystemExit after help.
     """
@@ -107,7 +107,7 @@ def parse(arguments: Sequence[str]) -> tuple[Any, BoundArguments]:
         raise InputError(_words_of(error)) from None
     if command != app.help_print:
         return command, bound
-    # Without a command cyclopts shows the help, as if that had been asked for.
+    # Without a command, cyclopts shows the help as if it had been requested.
     if {"--help", "-h"}.isdisjoint(words):
         name = " ".join(["robotball", *words])
         raise InputError(f"name a command; '{name} --help' lists the commands")
@@ -118,7 +118,7 @@ def parse(arguments: Sequence[str]) -> tuple[Any, BoundArguments]:
 
 
 def application() -> App:
-    """Return all commands, whose modules are imported when they are asked for."""
+    """Return all commands. The module of a command is imported when it is requested."""
     app = App(
         name="robotball",
         help=_ABOUT,
@@ -153,7 +153,7 @@ def _completion(shell: Literal["bash", "zsh"], /) -> None:
 
 
 def _shown(default: object) -> str | None:
-    """Return a default as the help shows it, None for one that says nothing."""
+    """Return a default as the help shows it, or None if it need not be shown."""
     return None if default in (None, (), "") or default is False else str(default)
 
 
@@ -184,7 +184,7 @@ def _words_of(error: CycloptsError) -> str:
 
 
 def _options_of(bound: BoundArguments) -> Iterator[tuple[str, Any]]:
-    """Yield the names and values of a command's options, in groups of them too."""
+    """Yield the names and values of a command's options, also of those in groups."""
     for name, value in bound.arguments.items():
         yield from vars(value).items() if is_dataclass(value) else [(name, value)]
 
@@ -193,7 +193,7 @@ def _options_of(bound: BoundArguments) -> Iterator[tuple[str, Any]]:
 def _standard_output_of(options: Mapping[str, Any]) -> Iterator[None]:
     """Keep standard output for one result if an option of a command is `-`.
 
-    Tables and messages go to standard error then. Raises InputError for more than one such option,
+    Tables and messages then go to standard error. Raises InputError for more than one such option,
     and, before any work, for a file that cannot be written.
     """
     from robotball.files.replacing import STANDARD_OUTPUT
@@ -204,7 +204,7 @@ def _standard_output_of(options: Mapping[str, Any]) -> Iterator[None]:
     count = [*map(writable_file, files)].count(STANDARD_OUTPUT)
     if count > 1:
         raise InputError("standard output takes only one result: give `-` to only one option")
-    # Else the tables would stand in the middle of the JSON that is piped on.
+    # Otherwise the tables would be in the middle of the JSON in a pipe.
     with contextlib.redirect_stdout(sys.stderr) if count else contextlib.nullcontext():
         yield
 

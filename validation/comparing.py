@@ -16,7 +16,7 @@ from .output import Show, progress_bar
 from .plots import draw
 from .results import Record, record
 
-_MANY = 4  # scenes from which on they are compared in several processes
+_MANY = 4  # if there are this many scenes, several processes compare them
 
 
 def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compared"]:
@@ -45,7 +45,7 @@ class Comparing:
     Attributes
     ----------
     requests : sequence of callables
-        Each returns a request; called in the process that runs it.
+        Each callable returns a request; it is called in the process that runs the request.
     times : (n,), s, or None
         The sample times.
     out : Path
@@ -108,7 +108,7 @@ def film(path: Path, motions: Sequence[Motion], **options: Any) -> None:
 
     `options` are passed to `robotball.film`. Raises InputError if it does.
     """
-    from robotball.view import render  # an encoder and a GL, which only a film needs
+    from robotball.view import render  # imports an encoder and OpenGL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -127,8 +127,8 @@ def note_of(agreements: Sequence[Agreement]) -> str:
 def motions_of(agreements: Sequence[Agreement], kind: str) -> list[Motion]:
     """Return the engine's motions of a scene, and the reference motion as the last.
 
-    Raises InputError if a run broke off in its first step. The last motion is the ghost of a film,
-    and on top in a picture.
+    Raises InputError if a run failed in its first step. The last motion is the ghost in a film, and
+    is drawn on top in a picture.
     """
     for run in agreements:
         if len(run.motion.times) < 2:

@@ -1,4 +1,4 @@
-"""Errors of a contact engine's runs from random starts, and over values of one parameter."""
+"""Compare a contact engine with the equations for many starts or many parameter values."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -40,7 +40,7 @@ _ABREAST = 256  # starts integrated at once with the compiled step
 def random_start(scene: Scene, random: np.random.Generator) -> Start:
     """Return the start with a random attitude, and with M times a random factor of 0.3 to 1.5."""
     attitude = normalised(np.roll(random.normal(size=4), 1))
-    # The direction of M in the world stays, because a rubber ball's M is horizontal.
+    # The direction of M in the world is kept, because a rubber ball's M is horizontal.
     momentum = scene.start.momentum * random.uniform(0.3, 1.5)
     return replace(scene.start, attitude=attitude, momentum=momentum)
 
@@ -52,9 +52,10 @@ class ManyRuns:
     Attributes
     ----------
     rows : tuple of n mappings
-        For each start in order, `path_error`, `gamma_error` and `momentum_error` as in Agreement,
-        None if the run broke off. `fault` is the kind of the first fault, or None. `agrees` is the
-        verdict. `seconds` is the time of stepping the engine.
+        A mapping for each start, in order. `path_error`, `gamma_error` and `momentum_error` are
+        defined as in Agreement, and are None if the run failed before its end. `fault` is the kind
+        of the first fault, or None. `agrees` is True if the motion agrees. `seconds` is the time
+        that the engine's steps took.
 
     Examples
     --------
@@ -77,8 +78,8 @@ class ManyRuns:
     def summary(self, error: str) -> Row:
         """Return percentiles of one error, and the numbers of runs and of faulty runs.
 
-        Percentiles ignore runs that broke off; they are None if all runs did. `runs_per_second`
-        counts the time of stepping.
+        Percentiles ignore runs that failed before their end, and are None if all runs failed.
+        `runs_per_second` counts only the time of the engine's steps.
         """
         values = [row[error] for row in self.rows if row[error] is not None] or [np.nan]
         levels = zip(PERCENTILES, np.percentile(values, [*PERCENTILES.values()]), strict=True)
@@ -100,8 +101,8 @@ def compare_many(
 ) -> ManyRuns:
     """Compare a contact engine's runs of a scene from many starts with the equations.
 
-    References of a balanced ball are integrated many at once, with a compiled step. Other
-    references are integrated in processes. Motions are not kept.
+    For a balanced ball, many reference motions are integrated at once, with a compiled step. Other
+    reference motions are integrated in several processes. Motions are not kept.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def compare_many(
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     device : str, optional
-        "cpu" or "cuda", in place of the device in the settings. Only some engines have a choice.
+        "cpu" or "cuda". It replaces the device in the settings. Only some engines have a choice.
     progress : callable, optional
         Called with the fraction of the runs that are done, from 0 to 1.
 
@@ -195,7 +196,7 @@ def random_runs(
 ) -> ManyRuns:
     """Compare runs of a scene from `count` random starts over a duration [s], with a progress bar.
 
-    A start depends on the seed and its number alone.
+    A start depends only on the seed and on the start's number.
     """
     seeds = ([seed, i] for i in range(count))
     starts = [random_start(scene, np.random.default_rng(seed)) for seed in seeds]
@@ -205,7 +206,7 @@ def random_runs(
         return compare_many(scene, starts, sample_times(duration), **settings)
 
 
-_MANY = 8  # values; fewer are run before as many processes have started
+_MANY = 8  # values; to run fewer takes less time than to start processes
 
 
 @dataclass(frozen=True, repr=False)
@@ -217,9 +218,10 @@ class Sweep:
     parameter : str
         The name of the parameter.
     rows : tuple of mappings
-        For each value, in their order: the `value`, the `path_error`, `gamma_error` and
-        `momentum_error`, which are NaN if the run broke off, `agrees`, the `verdict`, and the
-        `seconds` of stepping the engine. A value that cannot be run has the reason as its verdict.
+        A mapping for each value, in order. It has the `value`; `path_error`, `gamma_error` and
+        `momentum_error`, which are NaN if the run failed before its end; `agrees`; the `verdict`;
+        and `seconds`, the time that the engine's steps took. If a value cannot be run, the verdict
+        is the reason.
 
     Examples
     --------
@@ -257,7 +259,7 @@ def sweep(
 ) -> Sweep:
     """Compare a contact engine with the equations over the values of one parameter.
 
-    Many values are run in processes, on all cores.
+    If there are many values, several processes run them, on all cores.
 
     Parameters
     ----------
@@ -265,8 +267,8 @@ def sweep(
         The scene, a name of the catalog, or the path of a TOML, MJCF or URDF file.
     parameter : str
         A field of the engine's settings, such as "timestep" or "sliding_friction", or a number of
-        the scene by its path in the scene file, such as "frame.mass" or "gravity". The last words
-        of a path are enough.
+        the scene, given by its path in the scene file, such as "frame.mass" or "gravity". The last
+        words of a path are enough.
     values : sequence
         The values, in the unit of the parameter.
     times : float or (n,), s, optional

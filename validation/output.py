@@ -35,7 +35,7 @@ _CHARACTERS = 10  # per inch, in letters of 12 points
 _WIDEST = 10_000  # characters, wider than any table
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of formulas in a spreadsheet
 _LINE_EVERY = 30.0  # s between lines of progress outside a terminal
-_SHORT = 3.0  # s: no line if the rest takes less
+_SHORT = 3.0  # s; no line is written if the rest takes less
 
 
 def program() -> str:
@@ -136,7 +136,7 @@ def _cell(value: Any) -> Any:
 
 
 def known(value: float | None) -> float | None:
-    """Return a finite number as it is, and None for other values, which JSON does not have."""
+    """Return a finite number unchanged, and None for other values, which JSON cannot contain."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
@@ -169,7 +169,8 @@ def plain_table(
 def print_whole(table: "Table", console: Console) -> None:
     """Print a table without cutting numbers.
 
-    In a terminal, long texts are folded if that makes the table fit. Otherwise it keeps its width.
+    In a terminal, long texts are folded if this makes the table fit. Otherwise the table keeps its
+    width.
     """
     # Rich would cut cells to the width of the console.
     terminal, console.width = console.width, _WIDEST
@@ -229,8 +230,8 @@ Show = Callable[[float, str], None]
 def progress_bar(total: float, first_line: float = _LINE_EVERY) -> Iterator[Show]:
     """Show the progress of work of this size on standard error.
 
-    A terminal has a bar. Other streams, such as a log file, have a line from time to time; the
-    first one after `first_line` [s], if the work takes much longer.
+    A terminal shows a bar. Another stream, such as a log file, gets a line from time to time; the
+    first line comes after `first_line` [s], if the work takes much longer.
     """
     console = Console(stderr=True)
     if not console.file.isatty():  # `is_terminal` would believe the FORCE_COLOR of Jupyter
@@ -259,7 +260,7 @@ def _lines_now_and_then(console: Console, total: float, wait: float) -> Show:
 
 
 def pairs_of(form: str, texts: Sequence[str]) -> dict[str, str]:
-    """Parse texts `NAME=VALUE`; form: what an option takes, for the InputError of another text."""
+    """Parse texts `NAME=VALUE`; form: the form in the InputError."""
     pairs: dict[str, str] = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -270,5 +271,5 @@ def pairs_of(form: str, texts: Sequence[str]) -> dict[str, str]:
 
 
 def columns_named(texts: Sequence[str]) -> dict[str, str]:
-    """Parse the texts of --map. Raises InputError for another text."""
+    """Parse the texts of --map. Raises InputError for a malformed text."""
     return pairs_of("--map takes TITLE=COLUMN, such as roll_joint.position=frame_angle", texts)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 # A relative error below the rounding of 1 has no meaning, and 0 has no logarithm.
 LEAST = 1e-17
-# Inches: the width of a picture, the left and right ends of its panels, the height of an error
-# panel, and the space above, for a row of names, and below each panel.
+# In inches: the width of a picture, the left and right ends of its panels, the height of an error
+# panel, the space above a panel for a row of names, and the space below it.
 _WIDTH, _LEFT, _RIGHT, _HIGH, _ABOVE, _ROW, _BELOW = 8.0, 1.1, 7.6, 2.7, 0.9, 0.21, 0.75
 
 
@@ -38,9 +38,9 @@ def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
 
 
 def in_view(own: Array, every: Array, reach: float) -> tuple[float, float]:
-    """Return the ends of an axis that shows all of `own` (n,), and `every` (m,) within reach.
+    """Return the ends of an axis that shows `own` (n,), and the part of `every` (m,) in reach.
 
-    The last samples of a broken run may have any value and leave the picture.
+    The last samples of a failed run may have any value and may be outside the picture.
     """
     own, every = own[np.isfinite(own)], every[np.isfinite(every)]
     low, high = (float(own.min()), float(own.max())) if len(own) else (0.0, 0.0)
@@ -48,9 +48,9 @@ def in_view(own: Array, every: Array, reach: float) -> tuple[float, float]:
 
 
 def framed(agreements: Sequence["Agreement"]) -> Array:
-    """Return the ends (2, 2) of the axes X and Y [m] of a picture of the paths, to one scale.
+    """Return the ends (2, 2) of the axes X and Y [m] for a picture of the paths, in one scale.
 
-    The picture is 0.2 to 0.7 times as high as wide, and wider than rounding errors.
+    The picture's height is 0.2 to 0.7 times its width, and its width is above rounding errors.
     """
     own, radius = agreements[0].theory.contact_point, agreements[0].scene.ball.radius
     every = np.concatenate([own, *(run.motion.contact_point for run in agreements)])
@@ -118,8 +118,8 @@ def _panels(
     from robotball.view.tracks import slips_of
 
     scene, slips = agreements[0].scene, slips_of(agreements[0].theory)
-    # Fixed margins: an automatic layout takes as long as the rest of the picture.
-    # Three names each: the lines, the start, the end of a broken run, and slip.
+    # Fixed margins: an automatic layout takes as long as the rest of the picture. Each row has
+    # three names: of the lines, the start, the end of a failed run, and slip.
     rows = (len(agreements) + 6 + bool(slips)) // 3
     above = _ABOVE + _ROW * rows
     high = above + sum(heights) + _BELOW * len(heights)
@@ -144,7 +144,7 @@ def _panels(
 def _draw(
     axes: "Axes", look: "LineStyle", place: int, points: Array, finished: bool = True
 ) -> None:
-    """Draw a line through points (n, 2), with a cross at the end of a broken run.
+    """Draw a line through points (n, 2), with a cross at the end of a failed run.
 
     The `place` of the line in the picture shifts its markers, so that equal paths stay visible. The
     reference is at place 0.
@@ -168,7 +168,7 @@ def _draw_errors(
 ) -> None:
     """Draw the errors of each run in the last panel, and the legend at the top.
 
-    They are drawn down to rounding, without the start, where they are 0.
+    Errors are drawn down to rounding, without the start, at which they are 0.
     """
     from robotball.view.tracks import draw_slips, line_looks, slips_of
 

@@ -94,8 +94,8 @@ def controls_of(texts: Sequence[str]) -> dict[str, Rate]:
 def _controller_of(text: str) -> Controller:
     """Run a file and return its controller, given as `FILE.py:NAME`.
 
-    The controller can be pickled; the other process runs the file again. Raises InputError if the
-    file cannot be run or has no such controller.
+    The controller can be pickled; a process that unpickles it runs the file again. Raises
+    InputError if the file cannot be run or has no such controller.
     """
     file, _, name = text.rpartition(":")
     if not file.endswith(".py") or not name:
@@ -122,7 +122,7 @@ def _friction_of(words: Sequence[str], scene: Scene) -> Friction:
     try:
         sliding, *others = map(float, words)
         (torsional,) = others or (None,)
-    except ValueError:  # also of more than two numbers
+    except ValueError:  # also for more than two numbers
         raise InputError(
             "--friction takes SLIDING, or SLIDING,TORSIONAL with the torsional coefficient in "
             f"metres, not {','.join(words)!r}"
@@ -138,8 +138,8 @@ def controlled(
 ) -> Scene:
     """Load a scene with other controls, controller and friction.
 
-    The texts are those of `controls_of`, `_controller_of` and `_friction_of`. They are appended to
-    the name of the scene.
+    The functions `controls_of`, `_controller_of` and `_friction_of` read the texts. The texts are
+    appended to the name of the scene.
     """
     scene = load_scene(name, controls_of(texts))
     parts = [re.sub("=.*/", "=", text) for text in texts]  # without the folders of tables
@@ -290,7 +290,7 @@ def write_csv(path: Path, records: Sequence[Record]) -> None:
 
 
 def show(records: Sequence[Record], console: Console) -> None:
-    """Print the table of agreements, and below it the verdicts of those that disagree."""
+    """Print the table of agreements, then the verdicts of motions that disagree."""
     # The table fits into 80 columns.
     numbers = ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime")
     headings = ("scene", "rolling", "preset", *numbers, "verdict")
@@ -322,7 +322,7 @@ def assert_agrees(
     accuracy: float | None = None,
     theory: Motion | None = None,
 ) -> Agreement:
-    """Assert in a test that an engine rolls a scene as the equations do.
+    """Assert in a test that an engine's motion of a scene agrees with the equations.
 
     Parameters
     ----------
@@ -335,9 +335,10 @@ def assert_agrees(
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     accuracy : float, optional
-        The path error to reach, in place of settings.
+        The path error to reach, relative to the path's length. Give either `accuracy` or
+        `settings`.
     theory : Motion, optional
-        The motion by the equations at these times, if it is known.
+        The reference motion at these times, if it is known.
 
     Returns
     -------

@@ -1,9 +1,10 @@
 """Estimate how much of the path error is due to the sensitivity of the motion.
 
 The reference is divided into equal stretches. The engine starts on the reference at the beginning
-of each stretch; its error at the end, the defect, is the error of the engine. The further growth of
-a defect follows from the equations and is linear to first order. It is computed from the difference
-of two neighbouring motions of the equations. The sum of all grown defects is the expected error.
+of each stretch; its error at the end, the defect, is the error of the engine. The equations
+determine how a defect grows afterwards; to first order the growth is linear. The growth is computed
+from the difference of two neighbouring motions of the equations. The sum of all grown defects is
+the expected error.
 """
 
 import math
@@ -22,7 +23,7 @@ _FEWEST_STRETCHES, _MOST_STRETCHES = 8, 400
 _LONG = 100.0  # s, long enough to show chaos
 _NEAR = 1e-6  # rad, difference of neighbouring motions; its square and rounding are far smaller
 _TURN = np.array([0.6, 0.48, 0.64])  # a rotation axis that is not an axis of the frame
-_EXPONENTIAL = 10.0  # growth in twice the time; a regular motion has 2
+_EXPONENTIAL = 10.0  # growth in twice the time; it is 2 in a regular motion
 # Largest ratio of the measured to the expected error. Measured in the chaotic scenes: 0.02 to 1.8
 # with the finer presets, and 4.9 and 7.9 with `fast`.
 _LEEWAY = 20.0
@@ -30,7 +31,7 @@ _LEEWAY = 20.0
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Growth of an engine's small errors due to the motion. Errors are over the path's length.
+    """Growth of an engine's small errors due to the motion. Path errors are relative.
 
     Attributes
     ----------
@@ -81,8 +82,8 @@ class Sensitivity:
 def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensitivity | None:
     """Estimate the sensitivity of a motion to the errors of the engine.
 
-    None if commands change in time, the plane turns or a run breaks off. It takes as long as a run
-    of the engine and three integrations.
+    Returns None if commands change in time, the plane turns or a run fails. The estimate takes as
+    long as a run of the engine and three integrations.
     """
     scene, settings = theory.scene, motion.report.settings
     errors, path_scale = path_errors(motion, theory), theory.path_scale
@@ -116,7 +117,7 @@ def _stretches_of(theory: Motion) -> Motion:
 
 
 def total_defect(run: Runner, theory: Motion) -> float | None:
-    """Return the sum of an engine's defects over the path's length; None if a run breaks off."""
+    """Return the sum of an engine's defects, divided by the path's length; None if a run fails."""
     defects = _defects(run, _stretches_of(theory))
     return None if defects is None else _total(defects, theory.path_scale)
 
@@ -126,10 +127,10 @@ def _total(defects: Array, path_scale: float) -> float:
 
 
 def growth(theory: Motion) -> float | None:
-    """Return the path error over the path's length per radian of a small rotation of the start.
+    """Return the relative path error per radian of a small rotation of the start.
 
-    It replaces `sensitivity` in closed loops, because a controller cannot start in the middle of a
-    motion. None if the neighbouring motion ends early.
+    This replaces `sensitivity` in closed loops, because a controller cannot start in the middle of
+    a motion. Returns None if the neighbouring motion ends early.
     """
     near = integrate(neighbour(theory), theory.times)
     return None if len(near.times) < len(theory.times) else path_error(near, theory) / _NEAR
@@ -149,7 +150,7 @@ def neighbour(motion: Motion, hinges: bool = False) -> Scene:
 def chaotic(scene: Scene, duration: float = _LONG) -> bool:
     """Return whether a small rotation of the start grows exponentially over `duration` [s].
 
-    False if the commands change in time, because then it is unknown.
+    False if the commands change in time, because then the growth is unknown.
     """
     if not scene.steady:
         return False
@@ -160,7 +161,7 @@ def chaotic(scene: Scene, duration: float = _LONG) -> bool:
 def _defects(run: Runner, reference: Motion) -> Array | None:
     """Return an engine's errors (k, e) at the ends of k stretches; None if they are unknown."""
     if reference.scene.plane_turns:
-        return None  # runs start at the axis, not where a stretch begins
+        return None  # runs start at the axis, not at the beginning of a stretch
     defects = []
     for i, length in enumerate(np.diff(reference.times)):
         motion = run(np.array([0.0, length]), _started(reference, i))
@@ -170,8 +171,9 @@ def _defects(run: Runner, reference: Motion) -> Array | None:
     return np.array(defects)
 
 
-# An error (e,): a rotation (3) [rad], frame axes; the change of M (3), world, over its scale;
-# changes of angles (f) [rad] and rates (f) [rad/s] of hinges with motors; a change of path (2) [m].
+# An error (e,): a rotation (3) [rad], frame axes; the change of M (3) in world axes, divided by the
+# scale of M; changes of angles (f) [rad] and rates (f) [rad/s] of hinges with motors; a change of
+# path (2) [m].
 
 
 def _moving(scene: Scene) -> list[int]:

@@ -1,4 +1,4 @@
-"""Split an engine's distance from ideal rolling into its friction's part and its own error."""
+"""Split an engine's distance from ideal rolling into an effect of friction and an error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,19 +22,19 @@ class Slip:
     Attributes
     ----------
     sliding, torsional : float or None, - and m
-        The coefficients of the contact. None if the coefficient has no limit.
+        The coefficients of the contact. None if friction is unlimited.
     needed_sliding, needed_torsional : float or None, - and m
-        The coefficients that ideal rolling needs. None if the ball cannot roll so.
+        The coefficients that ideal rolling needs. None if the ball cannot roll ideally.
     intervals : sequence of (float, float), s
-        When a ball with this friction slips, by the equations.
+        The intervals in which a ball with this friction slips, computed with the equations.
     by_friction : float or None
-        The path error of that ball against ideal rolling.
+        The path error of the ball with this friction against ideal rolling.
     by_engine : float or None
-        The engine's path error against that ball. None if the engine's run broke off.
+        The engine's path error against the ball with this friction. None if the run failed.
     of_settings : bool
-        Whether the friction is the engine's default, and not the scene's.
+        True if the friction is given by the engine's settings, False if the scene gives it.
     other : ReferenceMotion or None
-        By the equations, the ball with this friction if it is of the settings, else ideal rolling.
+        The equations' second motion: with this friction if `of_settings`, otherwise ideal rolling.
     """
 
     sliding: float | None
@@ -69,7 +69,7 @@ class Slip:
         parts = []
         if self.by_friction is not None:
             parts.append(f"friction alone changes the path by {percent(self.by_friction)}")
-        # Under the scene's own friction it is the path error of the table.
+        # If the scene gives the friction, the engine's part is the path error of the table.
         if self.of_settings and self.by_engine is not None:
             parts.append(f"the engine is {percent(self.by_engine)} off the path with this friction")
         return "; ".join(parts)
@@ -82,7 +82,7 @@ def others(agreements: Sequence[Any]) -> list[ReferenceMotion]:
 
 
 def listed(intervals: Sequence[tuple[float, float]]) -> str:
-    """Return the first intervals of slip [s] as words, and the number of the others."""
+    """Return the first intervals of slip [s] as words, and the number of further intervals."""
     shown = [f"{begin:.3g} to {end:.3g} s" for begin, end in intervals[:_SHOWN]]
     more = len(intervals) - len(shown)
     return ", ".join(shown) + (f" and {more} times more" if more else "")
@@ -91,7 +91,7 @@ def listed(intervals: Sequence[tuple[float, float]]) -> str:
 def slip_of(theory: Motion, motion: ContactMotion, engine: Engine | None) -> Slip | None:
     """Return the slip of a comparison; None if the friction suffices, or is not known.
 
-    The friction is the scene's, or else that of the engine's settings.
+    The friction is taken from the scene, or else from the engine's settings.
     """
     scene = theory.scene
     if not isinstance(theory, ReferenceMotion) or scene.controller is not None:

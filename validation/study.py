@@ -40,8 +40,8 @@ Row = Mapping[str, Any]
 def scene_cell(scene: str, duration: float, control: Sequence[str] = ()) -> dict[str, Any]:
     """Return the part of a sweep's cell that describes its scene, a catalog name or a path.
 
-    A digest of the loaded scene makes results invalid if its files change, except for comments.
-    Give `control` as for `controlled`.
+    A digest of the loaded scene makes results invalid if its files change, unless only comments
+    change. `control` has the form that `controlled` takes.
     """
     loaded = controlled(scene, control)
     # A scene file cannot describe a robot from an MJCF or URDF file.
@@ -67,7 +67,7 @@ def _reference(
 def compiled_motion(scene: Scene, times: Array) -> Motion:
     """Integrate a steady scene over times (n,) [s] from 0 with the compiled step.
 
-    It is as accurate as `integrate` and faster, for scenes that turn a million times. Raises
+    This function is as accurate as `integrate`, and faster for scenes with a million turns. Raises
     InputError if the motion needs too many steps.
     """
     return motion_of(scene, times, compiled_states(scene, times))

@@ -34,7 +34,7 @@ Cell = Mapping[str, Any]
 """Plain JSON data that describes a run completely, and identifies it."""
 Work = Callable[[Cell], Mapping[str, Any]]
 """A module's function of a cell. Its record is plain data, with None for missing numbers."""
-_OUTLASTED = "took longer than"  # begins the failure of a cell that exceeded its time limit
+_OUTLASTED = "took longer than"  # first words of the failure of a cell that exceeded its time limit
 _ELSEWHERE = "give another folder with --out"
 
 
@@ -66,8 +66,8 @@ def sweep(
 ) -> list[Result]:
     """Return the results of `work` on every cell, in the order of `cells`.
 
-    A cell that raises, ends its process or exceeds the limit fails alone. A cell whose process died
-    is run again alone, because something else may have killed the process.
+    If a cell raises, ends its process or exceeds the limit, only this cell fails. A cell whose
+    process died is run again alone, because something else may have killed the process.
 
     Parameters
     ----------
@@ -76,9 +76,9 @@ def sweep(
     cells : sequence of mappings
         Distinct plain data.
     file : Path
-        The journal. If it exists, only the missing cells are run. It may also have results of other
-        sweeps of the same work. Failures are kept: delete a line to run its cell again, or the file
-        to run all, for example after a change of the work.
+        The journal. If it exists, only the missing cells are run. It may also contain results of
+        other sweeps of the same work. Failures are kept. Delete a line to run its cell again, or
+        delete the file to run all cells, for example after a change of the work.
     workers : int, optional
         The number of processes on this machine. The default is the number of available cores.
     limit : float, s, optional
@@ -245,7 +245,7 @@ def _refusals(path: Path) -> Iterator[None]:
 
 def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
     """Lock the file, check or write its header, remove a partial last line; return its results."""
-    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # until the file is closed
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # locked until the file is closed
     header = {"work": f"{work.__module__}.{work.__qualname__}", "versions": versions()}
     file.seek(0)
     text = file.read()
@@ -268,7 +268,7 @@ def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
 
 def _write(file: BinaryIO, line: str) -> None:
     rest = f"{line}\n".encode()
-    while rest:  # a full disk may accept a part only
+    while rest:  # a full disk may accept only a part
         rest = rest[file.write(rest) :]
     # The result must survive a failure of the machine.
     os.fsync(file.fileno())

@@ -1,16 +1,17 @@
-"""Branches of solutions in one parameter s, computed by pseudo-arclength continuation.
+"""Branches of solutions as a parameter s varies, computed by pseudo-arclength continuation.
 
 In general, the solutions u of n equations with one parameter form curves. The next point of a curve
-is predicted along the tangent t and corrected by Newton's method orthogonally to it, so that folds
+is predicted along the tangent t and corrected by Newton's method orthogonally to t, so that folds
 need no special treatment (Keller, Numerical solution of bifurcation and nonlinear eigenvalue
 problems, 1977). A test function changes sign at each special point, which is then located on the
 curve (Seydel, Practical Bifurcation and Stability Analysis, chapters 4 to 7):
 
-*Fold*: the s component of t. *Branch point*: an exponent, or the s component of t, is zero and a
-second curve of solutions crosses; it is followed as well. *Hopf point*: a pair of imaginary
-exponents; for a cycle, whose exponents are the logarithms of its multipliers, a *torus*
-bifurcation. *Period doubling*: a multiplier of -1. *Drift point*: like a branch point, but the
-emerging motions are not solutions: they drift along a symmetry of the branch's solutions.
+*Fold*: the s component of t is zero. *Branch point*: an exponent, or the s component of t, is zero
+and a second curve of solutions crosses; this curve is followed as well. *Hopf point*: a pair of
+exponents is imaginary. The exponents of a cycle are the logarithms of its multipliers, and a Hopf
+point of cycles is a *torus* bifurcation. *Period doubling*: a multiplier is -1. *Drift point*: like
+a branch point, but the emerging motions are not solutions: they drift along a symmetry of the
+branch's solutions.
 
 s runs from 0 to 1; `motion_branches` maps it to a physical number of a ball.
 """
@@ -31,16 +32,17 @@ DRIFT = "drift point"
 CLOSES, UNFINISHED = "closes", "not followed to its end"
 _KINDS = (FOLD, BRANCH, DOUBLING, HOPF)  # in the order of the test functions
 _FIRST_STEP, _LEAST_STEP = 0.01, 1e-7  # step lengths in (u, s)
-_BENT = 0.95  # least cosine between neighbouring tangents, and between directions to the start
+_BENT = 0.95  # smallest cosine between neighbouring tangents, and between directions to the start
 _MOST_POINTS, _MOST_BRANCHES = 1000, 40
-_ALIKE = 0.3  # allowed difference of exponents, besides their change, when a branch closes
+_ALIKE = 0.3  # allowed difference of exponents at the closure of a branch, besides their change
 _ITERATIONS = 10  # of Newton's method
-# Residual accepted when it stops falling: rounding moves the end of a cycle that rests for long.
+# A residual that stops falling is accepted below this value: in a cycle that is at rest for long,
+# rounding moves the end.
 _ROUGH = 1e-7
 _DIVERGES = 10.0  # growth of the residual at which Newton's method has failed
 _NEUTRAL = 1e-9  # relative to the largest exponent: a smaller real part is rounding
 _LEVEL = 1e-7  # of a unit tangent: a smaller s component is rounding
-_PARTED = 5.0  # upper limit of the distance of branches parted by an error e, over e^(1/3)
+_PARTED = 5.0  # largest distance, divided by e^(1/3), of branches separated by an error e
 _TWO_PAIRS = 1e-4  # 1/s, or per period: a larger real part at the root belongs to another pair
 _LOCATED = 1e-11  # accuracy of a special point along a step
 _SAME = 1e-5  # distance below which two special points, or two solutions at one s, are the same
@@ -58,8 +60,8 @@ Linearization = tuple[Array, Array, Callable[[], Array]]
 class Point:
     """A point x = (u, s) (n + 1,) of a branch with its unit tangent (n + 1,) and exponents (k,).
 
-    kind: of a special point, else ""; free: dimension of the solution set transverse to the branch,
-    such as 1 if the ball may be rotated about its axis.
+    kind: the kind of a special point, or "" for another point. free: dimension of the solution set
+    transverse to the branch, such as 1 if the ball may be rotated about its axis.
     """
 
     x: Array
@@ -86,7 +88,7 @@ class Branch:
         return [point for point in self.points if point.kind in (kinds or (*_KINDS, DRIFT))]
 
     def passes(self, s: float) -> int:
-        """Return how often the branch crosses s, which must not be the s of one of its points."""
+        """Return how often the branch crosses s. None of its points may have this s."""
         above = np.array([point.x[-1] > s for point in self.points])
         return int(np.count_nonzero(above[1:] != above[:-1]))
 
@@ -150,13 +152,13 @@ def steady(residual: _Residual, exponents: _Residual, watch: Watch = SILENT) -> 
 
 
 def derivatives(residual: _Residual, u: Array, s: float) -> Array:
-    """Return the derivatives (m, n + 1) of an analytic function by u (n,) and s."""
+    """Return the derivatives (m, n + 1) of an analytic function with respect to u (n,) and s."""
     by_u = residual(u[:, None] + _TINY * np.eye(len(u)), s).imag / _TINY.imag
     return np.column_stack([by_u, by_parameter(residual, u, s)])
 
 
 def by_parameter(residual: _Residual, u: Array, s: float) -> Array:
-    """Return the derivative (m,) by s from central differences small enough to be linear."""
+    """Return the derivative (m,) with respect to s, from central differences in a linear range."""
     step = _APART
     while np.abs(change := residual(u, s + step) - residual(u, s - step)).max() > _LINEAR:
         step *= _LINEAR
@@ -166,8 +168,8 @@ def by_parameter(residual: _Residual, u: Array, s: float) -> Array:
 def explore(problem: Problem, starts: Iterable[Array], branches: list[Branch]) -> Iterator[Branch]:
     """Yield the branches near the starts x = (u, s) (n + 1,), and the branches that cross them.
 
-    Each is appended to `branches`. A start on a known branch is skipped. Starts from which Newton's
-    method does not converge are reported to the watch.
+    Each branch is appended to `branches`. A start on a known branch is skipped. Starts from which
+    Newton's method does not converge are reported to the watch.
     """
     crossed = [point for branch in branches for point in branch.special(BRANCH, DOUBLING)]
     most = len(branches) + _MOST_BRANCHES
@@ -224,7 +226,8 @@ def half(
 ) -> tuple[list[Point], str]:
     """Follow a branch from a start along its tangent. Return the points and why it stops.
 
-    behind: points in the opposite direction, from the start on; only passed on to the watch.
+    behind: the points in the opposite direction, beginning at the start; they are only passed to
+    the watch.
     """
     points, step = [start], _FIRST_STEP
     bend = np.zeros(len(start.x))  # derivative of the tangent along the branch
@@ -239,7 +242,7 @@ def half(
                 part = (bound - last.x[-1]) / (new.x[-1] - last.x[-1])
                 x = np.append((last.x + part * (new.x - last.x))[:-1], bound)
                 new = corrected(problem, x)
-                new.x[-1] = bound  # exactly, because the end of the range is recognized by equality
+                new.x[-1] = bound  # exact, because the end of the range is recognized by equality
                 new = replace(new, tangent=new.tangent * np.sign(new.tangent @ last.tangent))
             # At a branch point the tangent of the other branch is only approximate.
             bent = new.tangent @ last.tangent < _BENT and (len(points) > 1 or not start.kind)
@@ -317,11 +320,12 @@ def _tests(point: Point, free: int) -> Array:
     """Return the test functions (4,) in the order of `_KINDS`; NaN if there is no complex pair."""
     exponents, real = point.exponents, _real_parts(point.exponents)
     doubled = np.abs(np.abs(exponents.imag) - np.pi) < _NEUTRAL
-    # A stroboscopic map has several pairs: take the first to lose its stability.
+    # A stroboscopic map has several pairs: take the pair that loses its stability first.
     pair = real[(exponents.imag > 0) & ~doubled]
     along = point.tangent[-1]
-    # The product of all exponents that are not always zero, computed as a symmetric function: where
-    # a pair meets the zero ones, single exponents are only accurate to the cube root of an error.
+    # The product of all exponents that are not always zero, computed as a symmetric function. If a
+    # pair of exponents is near the zero exponents, single exponents are accurate only to the cube
+    # root of an error.
     others = (real + 1j * exponents.imag)[~doubled]
     product = np.poly(-others)[: len(others) + 1 - free][-1].real if len(others) else 1.0
     across = along if abs(along) > _LEVEL else 0.0
@@ -364,12 +368,13 @@ def _between(problem: Problem, last: Point, new: Point) -> list[Point]:
 
 
 def _across(problem: Problem, point: Point) -> Array | None:
-    """Return the direction (n + 1,) of another branch through a point, orthogonal to its own.
+    """Return the direction (n + 1,) of another branch through a point, normal to this branch.
 
-    None if there is no other branch, or if neighbouring points have the same extra direction: then
-    the solutions fill a surface. An error e of the equations parts crossing branches, as in
-    p x - x³ + e = 0, by e^(1/3) and leaves a singular value of that size. A fold with so small a
-    singular value is told apart because its solutions exist on one side only.
+    Returns None if there is no other branch, or if neighbouring points have the same extra
+    direction, because then the solutions fill a surface. An error e of the equations separates
+    crossing branches by e^(1/3), for example in p x - x³ + e = 0, and leaves a singular value of
+    that size. A fold with so small a singular value is recognized because its solutions exist only
+    on one side.
     """
 
     def directions(x: Array, least: float) -> Array:

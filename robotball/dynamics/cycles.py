@@ -6,11 +6,12 @@ equations); its eigenvalues are the multipliers. See Seydel, Practical Bifurcati
 Analysis, chapter 7.
 
 *From rest* (4.1), M = 0, the flow is on a sphere, so chaos is impossible: every motion ends at a
-fixed point (see `equilibria`) or on a limit cycle. Every cycle C of (4.1) crosses the half great
-circle from a fixed point of index 1 to its opposite, for some such point: the flow is the same at γ
-and -γ, so -C is a cycle, too. If C = -C, it separates every point from its opposite. Otherwise C
-and -C bound two disjoint regions, by Brouwer's theorem each contains a fixed point of index 1, and
-its opposite is in the other region. So cycles are found from returns to such arcs.
+fixed point (see `equilibria`) or on a limit cycle. For some fixed point of index 1, a cycle C of
+(4.1) crosses the half great circle from this point to the opposite point. The reason: the flow is
+the same at γ and -γ, so -C is a cycle, too. If C = -C, the cycle separates every point from the
+opposite point. Otherwise C and -C bound two disjoint regions. By Brouwer's theorem each region
+contains a fixed point of index 1, and the opposite point is in the other region. So cycles are
+found from returns to such arcs.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -61,7 +62,7 @@ _NOISE = 1e-6  # rad, error of a return angle after many such steps
 _CLOSER = 16  # starts between two neighbours where the return map jumps
 _AT_REST = 1e-6  # of the flow's rates: a slower cycle is a fixed point
 _SAME = 1e-6  # distance of unit vectors below which two cycles are the same
-_HYPERBOLIC = 1e-5  # distance of a multiplier from 1: orbits around a centre close, too
+_HYPERBOLIC = 1e-5  # distance of a multiplier from 1: orbits around a centre are closed, too
 # Distance of a separatrix's first point from the saddle; its square is the distance from the
 # manifold.
 _OFFSET = 1e-4
@@ -69,7 +70,7 @@ _REACHED = 0.02  # distance from a fixed point within which a separatrix ends th
 _INTERVAL = 0.05  # s, largest sample interval
 
 Flow = Callable[[Array, Array], tuple[Array, Array]]
-"""Maps attitudes (m, 4), frame to world, and M (m, 3), world, to their values after a time."""
+"""Maps attitudes (m, 4) of the frame and M (m, 3) in world axes to their values after a time."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,9 @@ class Cycle(Value):
     attitude : (4,), frame to world, at one moment of the cycle
     momentum : (3,), kg m²/s, world, at the same moment
     period : s
-    multipliers : complex, largest first, without those that are always 1. Two if M ≠ 0, one if
-        M = 0. With periodic drives, four of a rubber ball and five of a classical one.
+    multipliers : complex, largest first, without the multipliers that are always 1. There are
+        two if M ≠ 0 and one if M = 0. With periodic drives there are four for a rubber ball and
+        five for a classical ball.
     """
 
     attitude: Array
@@ -97,7 +99,7 @@ class Cycle(Value):
 
 
 def close(parameters: Parameters, attitude: Array, momentum: Array, period: float) -> Cycle:
-    """Return the cycle near an attitude (4,), with momentum (3,), world, and about this period [s].
+    """Return the cycle near an attitude (4,), a world momentum (3,) and a period [s].
 
     Newton's method acts on a small rotation of the attitude and on the period. The smallest
     correction is taken, because the phase along the cycle is arbitrary. Raises InputError if
@@ -112,8 +114,8 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
             return Cycle(attitude, momentum, period, multipliers)
         along = np.cross(reached, angular_velocity(parameters, end, momentum)).ravel()
         turning = by_turn(reached) @ monodromy - by_turn(start)
-        # Rotations along the motion, and about the vertical if M = 0, change nothing. The matrix
-        # is singular up to errors of the derivatives: take the minimum-norm solution.
+        # Rotations along the motion, and about the vertical if M = 0, change nothing, so the matrix
+        # is singular up to errors of the derivatives. Take the minimum-norm solution.
         equations = np.column_stack([turning, along]), gap.ravel()
         correction = np.linalg.lstsq(*equations, rcond=_BLIND)[0]
         # Rotations by over 0.3 rad are beyond the linear range.
@@ -131,10 +133,10 @@ def tangent(
     """Return the ends of a map and its derivative (n, 6, k) along deviations (n, 6, k).
 
     attitudes (n, 4), momenta (n, 3): initial states. A deviation is a small rotation in frame axes
-    [rad] and a change of M in world axes over `scale` [kg m²/s], by default over |M|.
+    [rad] and a change of M in world axes, divided by `scale` [kg m²/s], by default |M|.
     """
     n, k = len(attitudes), along.shape[2]
-    # The undisturbed motion is included: it gives the ends, to which rotations are relative.
+    # The undisturbed motion is included, because its ends are the reference for the rotations.
     sides = np.concatenate([np.zeros((n, 6, 1)), _SIZE * along, -_SIZE * along], axis=2)
     moved = sides.transpose(0, 2, 1).reshape(-1, 6)
     sizes = np.linalg.norm(momenta, axis=1, keepdims=True)
@@ -199,11 +201,11 @@ def multipliers_of(monodromy: Array, volume: float, momentum: Array) -> Array:
 
 
 def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
-    """Return the periodic orbit near (L, l) of g = 0 that closes at its first return.
+    """Return the orbit near (L, l) on g = 0 that closes at its first return.
 
     Raises InputError if Newton's method does not converge.
     """
-    # The given point may cross in either direction, so start from its next crossing.
+    # At the given point the orbit may cross in either direction, so start from its next crossing.
     attitudes, momenta = section_starts(L, l, f)
     first = sections_of(parameters, attitudes, momenta, 1)
     if first.status.any():
@@ -230,12 +232,14 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     def known(gamma: Array) -> bool:
         return any(_lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
 
-    # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
+    # Newton's method uses the direction of time in which the cycle attracts; the other direction
+    # loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
-        # Two arcs per point: a cycle that passes close to the end of one is clear of the other.
+        # Two arcs per point: a cycle that passes near the end of one arc is far from the end of the
+        # other.
         for arc in (np.stack([gamma, side]) for gamma in centres for side in tangents(gamma)):
             for gamma, period in _returning(ball, arc, longest, starts):
-                # Checked before, to save closing it, and again with the exact point.
+                # Checked before closing the cycle, to save time, and again with the exact point.
                 if known(gamma) or (cycle := _closed(ball, gamma, period)) is None:
                     continue
                 if cycle.period > longest or known(cycle.gamma):
@@ -267,7 +271,7 @@ def _returning(
     """Yield γ (3,) near crossings of attracting cycles with an arc, and approximate periods [s].
 
     arc (2, 3): unit vectors of `on_circle`; the arc is 0 < ψ < π, from the first vector through the
-    second to the first's opposite. part: the interval of ψ to search.
+    second to the opposite of the first. part: the interval of ψ to search.
 
     At a cycle the return angle, relative to the start's, changes from ahead to behind. Orbits do
     not cross, so returns keep their order wherever the return map is continuous; a decrease by more
@@ -323,7 +327,7 @@ def _closed_near(parameters: Parameters, gamma: Array, period: float) -> Cycle |
         cycle = close(parameters, attitude_at(gamma), _NO_MOMENTUM, period)
     except InputError:
         return None
-    # A fixed point closes after any time, too.
+    # A fixed point also closes, after any time.
     rate = np.linalg.norm(flow(parameters, as_vector(cycle.gamma)))
     moves = rate > _AT_REST * rate_scale(parameters)
     return cycle if moves and abs(cycle.multipliers[0] - 1) > _HYPERBOLIC else None

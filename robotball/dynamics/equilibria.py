@@ -8,8 +8,8 @@ are solved as polynomials in two unknowns: the roots are eigenvalues of their Sy
 Little, O'Shea, Using Algebraic Geometry, chapter 3), and Newton's method refines each root.
 
 *The circle* Σ¹ of fixed points if K = 0, section 4.1. Then dγ/dt = (Ω,γ) γ×Aγ/(Aγ,γ) vanishes on
-the circle (Ω,γ) = 0. The eigenvalue along it is 0, the other is -(Aγ, γ×Ω)/(Aγ,γ). Quarters of the
-circle alternately attract (Σ_s) and repel (Σ_u).
+the circle (Ω,γ) = 0. The eigenvalue along the circle is 0, the other eigenvalue is -(Aγ,
+γ×Ω)/(Aγ,γ). Quarters of the circle alternately attract (Σ_s) and repel (Σ_u).
 
 *Closed form*, sections 4.1 and 4.2, for K = (0, 0, K₃). Besides Γ₅,₆ = (0, 0, ±1), fixed points
 have γ₁ = 0 (called Δ) or γ₂ = 0 (called Θ). With γⱼ = sin φ and γ₃ = cos φ, (4.1) becomes
@@ -18,10 +18,10 @@ have γ₁ = 0 (called Δ) or γ₂ = 0 (called Θ). With γⱼ = sin φ and γ�
 
 with four solutions if |κ| < 1. The paper's ν₁, κ₁ belong to Δ (j = 2), ν₂, κ₂ to Θ (j = 1).
 
-*Linear part and first Lyapunov value* of the flow of γ and M at an equilibrium, also for M ≠ 0. On
-a level of γ², M² and (M, γ) the flow has two coordinates from rest, otherwise three. The equations
-are analytic, so derivatives are computed from complex arguments, exact to rounding: first ones with
-a tiny imaginary step, higher ones with Cauchy's integral over circles.
+*Linear part and first Lyapunov value* of the flow of γ and M at an equilibrium, also for M ≠ 0. At
+constant γ², M² and (M, γ) the flow has two coordinates if M = 0, otherwise three. The equations are
+analytic, so derivatives are computed from complex arguments, exact to rounding: first derivatives
+with a tiny imaginary step, higher derivatives with Cauchy's integral over circles.
 """
 
 from collections.abc import Callable, Sequence
@@ -71,9 +71,9 @@ _COUNT, _RADIUS = 32, 0.05
 class FixedPoint(Value):
     """A fixed point of (4.1): γ (3,), the eigenvalues (2,) [1/s] and the type that they imply.
 
-    kind: "saddle", "stable node", "unstable node", "stable focus" or "unstable focus"; with
-    imaginary eigenvalues the first Lyapunov value decides between "slow stable focus", "slow
-    unstable focus" and "centre"; "degenerate" if an eigenvalue is zero.
+    kind: "saddle", "stable node", "unstable node", "stable focus" or "unstable focus". If the
+    eigenvalues are imaginary, the first Lyapunov value decides between "slow stable focus", "slow
+    unstable focus" and "centre". If an eigenvalue is zero, kind is "degenerate".
     """
 
     gamma: Array
@@ -137,10 +137,10 @@ def equilibria(scene: Scene | str | Path) -> list[FixedPoint]:
 def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     """Return all isolated fixed points of (4.1); `fixed_circle` returns the circle if K = 0.
 
-    Counting complex ones, the cubic forms vanish on seven lines through the origin. The roots of
-    the resultant are refined by Newton's method and checked with the sum of their indices,
-    on a sphere. With K = 0 they are given by (4.4). Raises InputError for a classical ball, if
-    fixed points fill a curve, and if the check fails.
+    Including complex lines, the cubic forms vanish on seven lines through the origin. Newton's
+    method refines the roots of the resultant, and the sum of the indices on the sphere checks that
+    none is missing. If K = 0, (4.4) gives the fixed points. Raises InputError for a classical ball,
+    if fixed points fill a curve, and if the check fails.
     """
     _check_rubber(parameters)
     parameters = _without_rounding(parameters)
@@ -181,8 +181,9 @@ def _check_rubber(parameters: Parameters) -> None:
 def _fills_curve(parameters: Parameters) -> bool:
     """Return whether fixed points of (4.1) with K ≠ 0 fill a curve; in doubt return True.
 
-    This needs two equal moments, a₁ = a₂, and AK = (0, 0, k). Off that axis dγ/dt vanishes on the
-    cone (a₃ - a₁)γ₃(Ω + AK, γ) = k(Aγ,γ), which has no real points if the form is definite.
+    This is possible only if two moments are equal, a₁ = a₂, and AK = (0, 0, k). Off that axis dγ/dt
+    vanishes on the cone (a₃ - a₁)γ₃(Ω + AK, γ) = k(Aγ,γ), which has no real points if the form is
+    definite.
     """
     A, AK = np.array(parameters.A), np.array(eq.diagonal(parameters.A, parameters.K))
     axis = np.eye(3)[np.argmax(np.abs(AK))]
@@ -205,9 +206,9 @@ def index_sum(points: Sequence[FixedPoint]) -> int:
 def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
     """Return the contact point's path at the fixed point γ (3,) of (4.1).
 
-    There ω = sγ with s = (Ω, γ) by (2.2). By (2.1) the velocity aγ×Ω is constant in frame axes,
-    which rotate about the vertical at the rate s. Raises InputError for a classical ball and if γ
-    is not a fixed point.
+    At a fixed point ω = sγ with s = (Ω, γ) by (2.2). By (2.1) the velocity aγ×Ω is constant in
+    frame axes, which rotate about the vertical at the rate s. Raises InputError for a classical
+    ball and if γ is not a fixed point.
     """
     vertical = as_vector(gamma)
     _check_rubber(parameters)
@@ -323,9 +324,10 @@ def attitude_at(gamma: Array) -> Array:
 
 @dataclass(frozen=True)
 class FixedCircle(Value):
-    """Circle of fixed points γ = cos ψ axes[0] + sin ψ axes[1]; those with sin 2ψ > 0 attract.
+    """Circle of fixed points γ = cos ψ axes[0] + sin ψ axes[1]; points with sin 2ψ > 0 attract.
 
-    axes (2, 3): unit vectors orthogonal to Ω, right-handed with it, at which Σ_s and Σ_u meet.
+    axes (2, 3): unit vectors at which Σ_s and Σ_u meet. With Ω they form a right-handed orthogonal
+    system.
     """
 
     parameters: Parameters
@@ -381,8 +383,8 @@ def kappa(parameters: Parameters, j: int) -> float:
 def closed_form_points(parameters: Parameters) -> dict[str, Array]:
     """Return the isolated fixed points γ (3,) of (4.1) by their names in the paper.
 
-    If K = 0: Γ₁ … Γ₆ of (4.4), without those on the circle (Ω, γ) = 0 of fixed points. Otherwise
-    Γ₅, Γ₆ and those of δ₁ … δ₄, θ₁ … θ₄ that exist; double points are listed twice.
+    If K = 0: Γ₁ … Γ₆ of (4.4), without the points on the circle (Ω, γ) = 0 of fixed points.
+    Otherwise Γ₅, Γ₆ and the existing points among δ₁ … δ₄, θ₁ … θ₄; double points are listed twice.
 
     Raises InputError unless the ball is a rubber ball with K = (0, 0, K₃) and three different aⱼ
     (with equal ones, fixed points may fill a curve), and if K₃ ≠ 0 but Ω₃ = 0 and Ω₁ or Ω₂ = 0.
@@ -437,7 +439,7 @@ def flow_near(parameters: Parameters, gamma: Array, M: Array | None = None) -> F
     """Return the flow near γ (3,) and M (3,) in frame axes, or near γ with M = 0 if M is None.
 
     With M = 0 the coordinates are those of the tangent plane at γ, along `tangents`, projected from
-    the centre. Otherwise they are tan(θ/2) n for a rotation by θ about n, in frame axes.
+    the centre. Otherwise the coordinates are tan(θ/2) n for a rotation by θ about n, in frame axes.
     """
     return _rest_flow(parameters, gamma) if M is None else _turning_flow(parameters, gamma, M)
 

@@ -2,9 +2,9 @@
 
 With M ≠ 0 the motion is a flow on the three-dimensional rotation group. The small rotation ξ to a
 neighbouring motion obeys dξ/dt = Dω·ξ - ω×ξ, and its mean growth rate is λ₁ (Benettin, Galgani,
-Giorgilli and Strelcyn, Meccanica 15, 1980). The exponent along the motion is 0, and the three add
-up to the mean divergence ⟨div⟩, so λ₆ = ⟨div⟩ - λ₁. The other three of the six exponents in (M, γ)
-belong to the constants γ², M² and (M, γ), and are 0.
+Giorgilli and Strelcyn, Meccanica 15, 1980). The exponent along the motion is 0, and the three
+exponents of the group add up to the mean divergence ⟨div⟩, so λ₆ = ⟨div⟩ - λ₁. The other three of
+the six exponents in (M, γ) belong to the constants γ², M² and (M, γ), and are 0.
 
 Attractors: after a transient, a ball that hardly rotates is on a straight line; a motion whose
 section points repeat is on a cycle; otherwise λ₁ separates tori from chaos.
@@ -32,7 +32,7 @@ ANY_TURN = (0.6, 0.48, 0.64)
 TORUS, CHAOS, LOST, LINE = -1, -2, -3, -4  # labels of `Basins`, below the numbers of cycles
 _CROSSINGS = 64  # analysed after the transient; cycles with at most half as many are recognized
 _REACHED = 1e-3  # distance of unit vectors below which a point is on a cycle
-_AT_REST = 1e-4  # angular speed, over the largest that |M| allows, below which the path is straight
+_AT_REST = 1e-4  # of the largest angular speed that |M| allows; below it the path is straight
 # Within _CHAOS_TIME [s], neighbours separate by about e^7 on a torus and by over e^30 in chaos.
 _CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
 
@@ -41,7 +41,7 @@ _CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
 class Exponents(Value):
     """Lyapunov exponents of n motions, and their mean if all belong to one attractor.
 
-    On a regular motion λ₁ is the zero exponent along it, and λ₆ is the sum of the other two.
+    On a regular motion λ₁ is 0, the exponent along the motion, and λ₆ is the sum of the other two.
 
     Attributes
     ----------
@@ -95,10 +95,10 @@ def exponents(
     starts: Sequence[Start] | None = None,
     transient: float = 1000.0,
 ) -> Exponents:
-    """Estimate the Lyapunov exponents of motions by the equations.
+    """Integrate motions and estimate their Lyapunov exponents.
 
-    The scene must be balanced, with constant rates and M other than zero. A positive largest
-    exponent means chaos. That of a regular motion falls to 0 as ln(t)/t.
+    The scene must be balanced, with constant rates and M ≠ 0. If the largest exponent is positive,
+    the motion is chaotic. In a regular motion the estimate falls to 0 in proportion to ln(t)/t.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def exponents(
     starts : sequence of Start, optional
         The starts of the motions. The default is the start of the scene.
     transient : float, default 1000, s
-        The time before that, in which the motion settles.
+        The time before `duration`, in which the motion settles.
 
     Returns
     -------
@@ -137,8 +137,9 @@ def exponents_of(
 ) -> Exponents:
     """Estimate the Lyapunov exponents of n motions over `duration` after a `transient` [s].
 
-    balls: one, or several with equally many starts each; attitudes (n, 4), momenta (n, 3): as for
-    `orbits`. Raises InputError for invalid starts or durations, and if an integration fails.
+    balls: one ball, or several balls with equally many starts each. attitudes (n, 4), momenta (n,
+    3): as for `orbits`. Raises InputError for invalid starts or durations, and if an integration
+    fails.
     """
     starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all():
@@ -172,9 +173,9 @@ def standard_error(values: Array) -> float:
 class Basins(Value):
     """Attractors reached from n starts.
 
-    labels (n,): number of the cycle in `cycles`, or TORUS, CHAOS, LINE (straight line, section
-    5.1) or LOST (integration failed, or no more crossings of g = 0), each shared by all of its
-    kind.
+    labels (n,): number of the cycle in `cycles`, or TORUS, CHAOS, LINE (straight line, section 5.1)
+    or LOST (integration failed, or no more crossings of g = 0). Each of these labels stands for all
+    attractors of its kind.
     """
 
     labels: Integers
@@ -191,7 +192,7 @@ def basins(
     """Find the attractor reached from each of n starts after a transient [s].
 
     attitudes (n, 4), momenta (n, 3): as for `orbits`. A start that approaches a cycle too slowly
-    for the transient counts as on a torus. Raises InputError for invalid starts.
+    for the transient counts as a torus. Raises InputError for invalid starts.
     """
     momenta = np.asarray(momenta, dtype=float)
     # Cheap tests first; expensive ones only for the starts that are still undecided.

@@ -1,12 +1,12 @@
-"""Branches of a ball's motions in one of its numbers: fixed points, straight lines, cycles.
+"""Branches of fixed points, straight lines and cycles as one number of the ball varies.
 
-The unknowns are γ for motions from rest (M = 0), otherwise γ and μ = M/√f, in principal axes; for
-cycles also ln T, whose period T may grow without bound. A cycle is integrated in the direction of
-time in which phase volume shrinks, because the other direction loses all digits.
+The unknowns are γ for motions from rest (M = 0), otherwise γ and μ = M/√f, in principal axes. For
+cycles ln T is unknown too, because the period T may grow without bound. A cycle is integrated in
+the direction of time in which phase volume shrinks, because the other direction loses all digits.
 
 If the period grows as T ~ |s - s*|^-p at the end of a branch, then ds/d(ln T) ~ T^(-1/p). By
-Seydel, chapter 7, p = 1/2 if a saddle and a node merge on the cycle; at a saddle the period grows
-only as ln |s - s*|, and p tends to 0.
+Seydel, chapter 7, p = 1/2 if a saddle and a node merge on the cycle. If the cycle approaches a
+saddle, the period grows only as ln |s - s*|, and p tends to 0.
 
 (3.2) and (3.3) are linear in (K, Ω, M): scaling all three by s gives the same motion, s times as
 fast.
@@ -49,12 +49,12 @@ _PHASES = 400  # points of a cycle, to choose a start from
 _SPAN = 0.3  # distance in ln T of the two points that measure the growth of a period
 _LOGARITHM = 0.3  # an exponent p below this means logarithmic growth
 # Numbers of interior values of s at which fixed points (40 ms each) and straight lines (0.2 ms
-# each) are sought. Closed branches of lines can be as short as a hundredth of the range.
+# each) are searched for. Closed branches of lines can be as short as a hundredth of the range.
 _POINTS, _LINES = 20, 2000
 _GOLDEN = (np.sqrt(5.0) - 1) / 2
 _Solution = TypeVar("_Solution")
-# Name: (symbol, unit). K1 to Omega3 are components along principal axes. K and Omega are lengths:
-# varying one keeps the direction, or reverses it if negative.
+# Name: (symbol, unit). K1 to Omega3 are components along principal axes. K and Omega are lengths of
+# vectors: a varied vector keeps its direction, or reverses it if the length is negative.
 NUMBERS = {
     **{f"K{i}": (f"K{sub}", "kg m²/s") for i, sub in zip("123", "₁₂₃", strict=True)},
     **{f"Omega{i}": (f"Ω{sub}", "rad/s") for i, sub in zip("123", "₁₂₃", strict=True)},
@@ -83,10 +83,10 @@ def numbers_of(parameters: Parameters, momentum: Array) -> dict[str, float]:
 def varied(
     parameters: Parameters, momentum: Array, changes: Mapping[str, float]
 ) -> tuple[Parameters, Array]:
-    """Return the ball and its world momentum (3,) with the named numbers changed, others kept.
+    """Return the ball and its world momentum (3,) with the named numbers changed.
 
-    The horizontal direction of M is kept. Raises InputError for an unknown name, the length of a
-    zero vector, a nonzero c in the rubber model, and f <= c².
+    The horizontal direction of M is kept. Raises InputError for an unknown name, for the length of
+    a zero vector, for a nonzero c in the rubber model, and if f <= c².
     """
     vectors = {"K": np.array(parameters.K), "Omega": np.array(parameters.Omega)}
     level = {"f": float(momentum @ momentum), "c": float(momentum[2])}
@@ -111,7 +111,7 @@ def varied(
 
 
 def momentum_across(rolling: Rolling, momentum: Array, f: float, c: float) -> Array:
-    """Return M (3,), world, with the given f = M² and c = (M, γ), in the heading of `momentum`."""
+    """Return the world M (3,) with f = M², c = (M, γ) and the heading of `momentum`."""
     if rolling == "rubber" and c != 0:
         raise InputError(f"c must be 0 in the rubber model (equation (3.1)), not {c:g}: vary f")
     across = float(np.hypot(*momentum[:2]))
@@ -149,7 +149,7 @@ class Range:
         raise NotImplementedError
 
     def places(self, inside: int) -> list[float]:
-        """Return the s to search at: both ends, the unmodified ball's value, `inside` others."""
+        """Return the s to search at: both ends, the unmodified ball's s, and `inside` others."""
         nominal = float((self.nominal - self.low) / (self.high - self.low))
         # The golden ratio avoids round numbers, at which a ball may be symmetric and solutions
         # coincide.
@@ -215,11 +215,11 @@ def sought(
     solve: Callable[..., Iterable[_Solution]],
     watch: co.Watch = co.SILENT,
 ) -> Iterator[tuple[list[_Solution], float]]:
-    """Yield the solutions at each s of the family, up to the first that raises InputError, and s.
+    """Yield each solution at each s of the family, and s; an InputError ends the search at its s.
 
-    The watch is told of such errors, for example if two solutions nearly coincide. Raises
-    InputError if the ball cannot have the number, and if every s fails without a solution, for
-    example because solutions fill curves.
+    The watch receives such errors, for example if two solutions nearly coincide. Raises InputError
+    if the ball cannot have the number, and if every s fails without a solution, for example because
+    solutions fill curves.
     """
     errors = []
     for place, s in enumerate(places := family.places(inside), 1):
@@ -238,7 +238,7 @@ def sought(
 def resting(family: Family, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]:
     """Yield the branches of fixed points from rest or, if M ≠ 0, of straight lines.
 
-    They pass through all solutions at the searched values of s, or cross such a branch.
+    The branches pass through all solutions at the searched values of s, or cross such a branch.
     """
 
     def residual(u: Array, s: float) -> Array:
@@ -259,7 +259,7 @@ def resting(family: Family, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]:
     inside = _LINES if family.momentum.any() else _POINTS
     for solutions, s in sought(family, inside, solve, watch):
         starts = [np.append(u, s) for u in solutions]
-        # Equal counts: all are on known branches, and no correction is needed to see it.
+        # If the counts are equal, all solutions are on known branches, and none must be corrected.
         if len(starts) != sum(branch.passes(s) for branch in branches):
             yield from co.explore(problem, starts, branches)
 
@@ -273,7 +273,7 @@ def cycling(
 ) -> Iterator[co.Branch]:
     """Yield the branches of the given cycles, each with its s, and of cycles born at Hopf points.
 
-    longest: periods beyond this are not followed [s]. Each cycle is on one yielded branch only.
+    longest: the longest period that is followed [s]. Each cycle is on one yielded branch only.
     """
     branches: list[co.Branch] = []
 
@@ -305,7 +305,7 @@ def born_cycles(
 ) -> tuple[float, co.Branch]:
     """Return the first Lyapunov value at a Hopf point [1/s] and the first cycles born there.
 
-    The first of the branch's `most` points is the Hopf point; longest: see `cycling`.
+    The first of the branch's points, `most` at most, is the Hopf point. longest: as in `cycling`.
     """
     u, s = hopf.x[:-1], hopf.x[-1]
     flow, size = family.flow(u, s)
@@ -320,7 +320,7 @@ def born_cycles(
 
 
 def _logarithms(monodromy: Array, volume: float, momentum: Array) -> Array:
-    """Return the logarithms (k,) of the multipliers; if M = 0, only that of the volume."""
+    """Return the logarithms (k,) of the multipliers; if M = 0, only the volume's."""
     if not momentum.any():
         return np.array([volume], dtype=complex)
     return np.asarray(np.log(multipliers_of(monodromy, volume, momentum) + _TINY))
@@ -382,5 +382,5 @@ def growth(points: Sequence[co.Point]) -> tuple[float, float]:
     p = float(np.log(T[1] / T[0]) / np.log(slopes[0] / slopes[1]))
     if p > _LOGARITHM:
         return float(last.x[-1] + p * slopes[1]), p
-    rates = slopes / T  # they decay exponentially
+    rates = slopes / T  # the slopes decay exponentially
     return float(last.x[-1] + rates[1] * (T[1] - T[0]) / np.log(rates[0] / rates[1])), 0.0

@@ -1,12 +1,12 @@
 """Poincaré sections g = g₀ of section 5.2, for both rolling models.
 
-The section is an annulus, because the points at L = ±√f differ with l. Orbits cross it in both
-directions, towards larger g (+1) and smaller g (-1).
+The section is an annulus, because at L = ±√f different l are different points. Orbits cross it in
+both directions, towards larger g (+1) and smaller g (-1).
 
 Compiled steps of the equations end exactly on the section (`ensembles.crossings`). For a contact
-engine's motion, values and exact rates are known at the samples: vectors v that are constant in
-space have the rate v×ω in frame axes. Between samples they are interpolated with cubic Hermite
-polynomials.
+engine's motion, values and exact rates are known at the samples, because a vector v that is
+constant in space has the rate v×ω in frame axes. Between samples the values are interpolated with
+cubic Hermite polynomials.
 
 In order: crossings of the equations, stroboscopic maps, crossings of a sampled motion.
 """
@@ -46,11 +46,11 @@ from robotball.theory.ensembles.orbits import (
 from robotball.theory.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, System, stepper
 from robotball.theory.plane import check_no_turn
 
-# Limit between two crossings; a few dozen are usual, and an orbit at rest never crosses.
+# Limit of the steps between two crossings. A few dozen are usual; an orbit at rest never crosses.
 _STEPS_PER_CROSSING = 100_000
 _MOST_PERIODS = 1000  # largest number of one drive's periods in the common period
 _ON_PERIOD = 1e-9  # of a period: rounding of commensurable frequencies
-_ON_SECTION = 1e-10  # a start nearer than this is on the section and does not count as a crossing
+_ON_SECTION = 1e-10  # a start nearer than this is on the section, and is not a crossing
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ class Section(Crossings):
         The vectors γ and M.
     directions : (n, m)
         1 if g increases, -1 if it decreases, 0 if not found.
-    attitudes : (n, m, 4), frame to world
-        The attitudes.
+    attitudes : (n, m, 4)
+        Quaternions of the rotation from frame to world axes.
     found : (n,)
         How many of the m crossings were found.
     status : (n,)
@@ -126,7 +126,7 @@ class Section(Crossings):
     status: Integers
 
     def after(self, skipped: int) -> Crossings:
-        """Return all orbits' crossings, concatenated, without the first `skipped` of each."""
+        """Return the crossings of all orbits, without the first `skipped` of each orbit."""
         return joined([self[i, skipped:] for i in range(len(self.times))])
 
 
@@ -141,9 +141,10 @@ def sections_of(
 ) -> Section:
     """Find the first `count` crossings of g = `g` [rad] by the motions from n starts.
 
-    balls: one, or several with equally many starts each; attitudes (n, 4), momenta (n, 3) and
-    tolerance: as for `orbits`; direction: 1 or -1, or 0 for both. Crossings are accurate to 1e-12
-    in sin(g - g₀)√(1 - L²/f). Raises InputError for invalid starts; M = 0 has no g.
+    balls: one ball, or several balls with equally many starts each. attitudes (n, 4), momenta (n,
+    3) and tolerance: as for `orbits`. direction: 1 or -1, or 0 for both directions. Crossings are
+    accurate to 1e-12 in sin(g - g₀)√(1 - L²/f). Raises InputError for invalid starts, and for M =
+    0, where g is undefined.
     """
     starts = Starts(balls, attitudes, momenta)
     if not (starts.size > 0).all() or count < 1 or direction not in (-1, 0, 1):
@@ -168,10 +169,10 @@ def section(
     g: float = 0.0,
     direction: int = 0,
 ) -> Section:
-    """Find where motions by the equations cross a Poincaré section.
+    """Integrate motions and find their crossings of a Poincaré section.
 
     The section is the surface g = `g` of the paper's coordinates (5.5). The scene must be balanced,
-    with constant rates and M other than zero.
+    with constant rates and M ≠ 0.
 
     Parameters
     ----------
@@ -184,7 +185,7 @@ def section(
     g : float, default 0, rad
         The value of g on the section.
     direction : {0, 1, -1}, default 0
-        1 for crossings where g grows, -1 where it falls, 0 for both.
+        1 for crossings with increasing g, -1 for crossings with decreasing g, 0 for all.
 
     Returns
     -------
@@ -214,7 +215,7 @@ def starts_of(
 ) -> tuple[Parameters, Array, Array]:
     """Return a scene's Parameters, and the attitudes (n, 4) and momenta (n, 3) of its starts.
 
-    They are as `orbits` takes them. None stands for the scene's own start.
+    The arguments of `orbits` have the same form. If `starts` is None, the scene's start is used.
     """
     scene = scene_of(scene)
     scenes = [scene] if starts is None else FromStarts(scene, starts)
@@ -238,7 +239,7 @@ def crossings(
     (n, m, size) in axes aligned with M, and directions, found and status as in `Section`.
     """
     n = len(starts.rows)
-    # The compiled steps read the parameters from the same rows as the ball's.
+    # The compiled steps read the section's parameters from the same rows as the ball's parameters.
     starts.rows[:, SECTION - BALL :][:, : numbers.shape[1]] = numbers
     times, states = np.full((n, count), np.nan), np.full((n, count, system.size), np.nan)
     directions = np.zeros((n, count), np.int64)
@@ -273,7 +274,7 @@ def period_of(scene: Scene) -> float:
     If a rotating body is not balanced, its mean rate contributes the period of a full turn. Raises
     InputError if there is no period.
     """
-    check_no_turn(scene, "a stroboscopic map")  # it would depend on the ball's place
+    check_no_turn(scene, "a stroboscopic map")  # it would depend on the ball's position
     if scene.controller is not None or any(hinge.motor for hinge in scene.hinges):
         raise InputError(
             f"{scene.name}: a stroboscopic map needs prescribed rates; motors and controllers have "
@@ -315,9 +316,9 @@ def strobed(
 ) -> tuple[Array, Array]:
     """Return attitudes (n, m, 4) and momenta (n, m, 3) after each of m = `count` periods.
 
-    These are the points of the section phase = 0. attitudes (n, 4): of the principal axes; momenta
-    (n, 3): world; rtol: error of a step. Raises InputError if the scene is not periodic, the ball
-    lifts off or the step limit is reached.
+    These are the points of the section at drive phase 0. attitudes (n, 4): of the principal axes.
+    momenta (n, 3): in world axes. rtol: relative error of a step. Raises InputError if the scene is
+    not periodic, the ball lifts off or the step limit is reached.
     """
     times: Array = np.linspace(0.0, count * period_of(scene), count + 1)
     samples = []
@@ -337,7 +338,7 @@ def stroboscopic_map(
 
 
 def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
-    """Return a scene's start from an attitude (4,) of the principal axes and M (3,), world."""
+    """Return a scene's start from a principal axes' attitude (4,) and M (3,) in world axes."""
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
@@ -363,7 +364,8 @@ def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossin
     value, rate = ahead[:, 2], np.cross(ahead, omega)[:, 2]
     at = CubicHermiteSpline(times, value, rate)
     roots = at.roots(extrapolate=False)
-    # A start on the section does not count, but rounding may move its root to a little later.
+    # A start on the section does not count, but rounding may move its root to a slightly later
+    # time.
     if abs(value[0]) < _ON_SECTION:
         roots = roots[roots > times[1]]
     crossed = Crossings(

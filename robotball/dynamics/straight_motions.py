@@ -26,7 +26,7 @@ class StraightMotion(Value):
     ----------
     gamma : (3,)
     momentum : (3,), kg m²/s
-    speed : of the contact point, m/s
+    speed : m/s, of the contact point
     eigenvalues : (3,), 1/s, of the linearization at constant M² and (M, γ), by real part
     polynomial : (4,), their characteristic polynomial, highest power first
     """
@@ -74,9 +74,10 @@ def straight_motions(parameters: Parameters, f: float, c: float = 0.0) -> list[S
 def straight_verticals(parameters: Parameters, f: float, c: float = 0.0) -> list[Array]:
     """Return γ (3,) of all straight motions with M² = f and (M, γ) = c.
 
-    Rubber (c = 0): on the two planes (Ω, γ) = 0, (K, γ) = ±√(K² - f). Classical: on the two planes
-    d(Ω, γ) = c ± √(c² + K² - f), (K, γ) = c - d(Ω, γ). At the ends of the range of f they merge in
-    pairs. Empty if K is along Ω: then they fill curves. Raises InputError if Ω = 0.
+    Rubber (c = 0): γ lies on the two planes (Ω, γ) = 0 and (K, γ) = ±√(K² - f). Classical: γ lies
+    on the two planes d(Ω, γ) = c ± √(c² + K² - f) and (K, γ) = c - d(Ω, γ). At the ends of the
+    range of f the solutions merge in pairs. If K is along Ω, the list is empty, because the
+    solutions fill curves. Raises InputError if Ω = 0.
     """
     Omega, K, d = np.array(parameters.Omega), np.array(parameters.K), parameters.d
     if not Omega.any():

@@ -1,10 +1,10 @@
-"""Branches of periodic motions of a periodically driven scene, in one of the scene's numbers.
+"""Branches of periodic motions of a periodically driven scene as one number of it varies.
 
 The motions are fixed points of the stroboscopic map. A state is γ and scaled M in principal axes,
 and α if the plane is not level (otherwise the heading has no effect). The map first projects a
-vector (n,) onto a valid state, so it has n coordinates, while its derivative, from differences, has
-the rank of the state's freedom. The last unknown is ln T: the period T is the drives' period,
-doubled at each period doubling.
+vector (n,) onto a valid state, so the map has n coordinates. The map's derivative is computed from
+differences, and its rank is the number of degrees of freedom of the state. The last unknown is ln
+T: the period T is the drives' period, doubled at each period doubling.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,15 +27,16 @@ from robotball.theory.multibody.integration import integrate_together
 
 _FIELDS = ("value", "mean", "amplitude", "phase")
 _SETTLED = 30  # periods after which a motion has come close to its attractor
-_INSIDE = 3  # interior values of the range at which motions are sought, about 20 s each
+_INSIDE = 3  # interior values of the range at which motions are searched for, about 20 s each
 _MOST = 4  # default limit of the period, in periods of the drives
 _SIZE = 3e-6  # of differences: truncation and rounding errors are about equal
-_NEUTRAL = 1e-6  # their error: a smaller real part of a multiplier's logarithm is zero
+_NEUTRAL = 1e-6  # error of differences: a smaller real part of a multiplier's logarithm is zero
 # (error of a step, residual of the map at which Newton's method stops). The residual that remains
-# is the step times the error of the derivative. Multipliers are accurate to 3e-10, while searching
-# to 1e-7. An error e breaks the symmetry behind a branch point and moves the point by e^(2/3).
+# is the step times the error of the derivative. Multipliers are accurate to 3e-10, and to 1e-7
+# during the search. An error e breaks the symmetry behind a branch point and moves the point by
+# e^(2/3).
 _CLOSED, _SOUGHT = (1e-11, 1e-9), (1e-7, 1e-6)
-_LONGEST = 0.1  # step along a branch; a point costs a hundred times one of an equilibrium
+_LONGEST = 0.1  # step along a branch; a point takes a hundred times as long as an equilibrium
 _TINY = 1e-300  # added to multipliers, which may be zero
 
 
@@ -47,7 +48,8 @@ def _driven(scene: Scene) -> dict[str, Drive]:
 def numbers_of(scene: Scene) -> dict[str, float]:
     """Return the scene's numbers that a branch can follow, such as "frequency", "frame.mean".
 
-    They include f and c if the scene conserves M. Raises InputError if it is not periodic.
+    The numbers include f and c if the scene conserves M. Raises InputError if the scene is not
+    periodic.
     """
     M = scene.start.momentum
     level = {"f": float(M @ M), "c": float(M[2])} if scene.keeps_momentum else {}
@@ -149,7 +151,7 @@ class Driven(Range):
     def problem(
         self, errors: tuple[float, float] = _CLOSED, watch: co.Watch = co.SILENT
     ) -> co.Problem:
-        """Return the problem of the fixed points; errors: (of a step, residual of the map)."""
+        """Return the problem of the fixed points; errors: (error of a step, residual)."""
         step, closed = errors
 
         def ends_of(parts: Sequence[tuple[Array, Scene]], periods: int) -> Array:
@@ -211,7 +213,7 @@ def _logarithms(matrix: Array) -> Array:
 
 
 def swinging(family: Driven, watch: co.Watch = co.SILENT) -> Iterator[co.Branch]:
-    """Yield the branches of periodic motions and those that cross them.
+    """Yield the branches of periodic motions, and the branches that cross them.
 
     At each searched s, Newton's method starts from the scene's start, from the state after 30
     periods and, if M may change, from rest with each principal axis vertical, alternately up and

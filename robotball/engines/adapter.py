@@ -45,16 +45,17 @@ from robotball.rotations import Array, quaternion_product
 from robotball.theory.dop853 import Compensated, Rate, one_by_one
 
 _CALLS = 200  # calls or steps without the engine, to time Python's share of a run
-_LAUNCH = 10e-6  # s; a compiled function that takes less is a launch, or part of Python
+_LAUNCH = 10e-6  # s; a compiled function that takes less is counted as a launch, or as Python
 _BALL = 1e5  # bytes of a ball in a world; MuJoCo Warp and Newton take 4.3e4 and 4.7e4
-_SHARE = 0.25  # of the memory and of the disk, for one world
+_SHARE = 0.25  # fraction of the memory and of the disk, for one world
 
 
 class World(ABC):
-    """A ball in an engine, at its initial state. Making one is not part of a run's time.
+    """A ball in an engine, at its initial state. To make a World is not part of a run's time.
 
-    steps, longest: number and longest [s] of the steps so far; clock: times the steps, in processor
-    time unless another device takes them; friction: the contact's coefficient, NaN if unknown.
+    steps, longest: number of steps so far, and the longest step [s]. clock: measures the time of
+    the steps, in processor time unless another device takes them. friction: the contact's
+    coefficient, NaN if unknown.
     """
 
     friction = float("nan")
@@ -78,7 +79,7 @@ class World(ABC):
         """Let the engine cache what later runs can reuse, such as compiled kernels."""
 
     def force(self) -> Array:
-        """Return the plane's force on the shell in the last step (3,) [N], world axes; or NaN."""
+        """Return the plane's force (3,) [N] on the shell in the last step, world axes, or NaN."""
         return UNKNOWN_FORCE
 
     def set_gravity(self, gravity: Array) -> None:
@@ -106,8 +107,8 @@ class World(ABC):
     ) -> Iterator[tuple[float, float, int, float | None]]:
         """Yield intervals of equal steps that end on sample times (n,) and on breakpoints.
 
-        Each is (start time [s], step length <= `timestep` [s], number of steps, the sample time at
-        its end or None). Counts the steps as taken.
+        An interval is (start time [s], step length <= `timestep` [s], number of steps, sample time
+        at its end or None). The steps are counted as taken.
         """
         sampled = set(times.tolist())
         cut = spans(times, self.scene.breakpoints, timestep)
@@ -124,7 +125,7 @@ class SteppedWorld(World):
 
     @abstractmethod
     def control(self, t: float, step: float) -> None:
-        """Set the hinge motors for a step that begins at t [s]; called only if rates change."""
+        """Set the hinge motors for a step that begins at t [s]. Called only if rates change."""
 
     @abstractmethod
     def step(self, step: float) -> None:
@@ -153,7 +154,7 @@ class SteppedWorld(World):
                 yield self.state
 
     def python_seconds(self) -> float:
-        # Includes the calls that set the motors; only the engine's steps are left out.
+        # The calls that set the motors are included; only the engine's steps are left out.
         count = min(_CALLS, self.steps)
         began = time.process_time()
         self._loop(lambda _: None, 0.0, self.longest, count)
@@ -166,7 +167,7 @@ class SteppedWorld(World):
             return
         for i in range(count):
             self.control(begin + i * step, step)
-            middle = begin + (i + 0.5) * step  # its values are the step's means to second order
+            middle = begin + (i + 0.5) * step  # means over the step to second order
             if self.scene.plane_moves:
                 self.set_gravity(self.scene.gravity_at(middle))
             if self.scene.plane_turns:
@@ -182,14 +183,14 @@ class ServoWorld(SteppedWorld):
         """Set the servos' target rates (h,) [rad/s]."""
 
     def control(self, t: float, step: float) -> None:
-        # Semi-implicit steps: a step's velocities belong to its end.
+        # Semi-implicit steps: the velocities of a step are those at its end.
         self.set_rates(self.hinges_at(t + step)[1])
 
 
 class CapturedWorld(SteppedWorld):
     """An engine of Warp's kernels. A step is captured as a graph, and Python launches the graph.
 
-    captures: False if a step has other work than kernels, and is taken from Python.
+    captures: False if a step includes work outside kernels, so Python takes every step.
     """
 
     captures = True
@@ -239,8 +240,8 @@ class CapturedWorld(SteppedWorld):
 def on_device(world: World, device: str, cuda: bool, install: str = "") -> str:
     """Return the device that runs a world's balls, and choose the clock for it.
 
-    cuda: whether the engine finds a CUDA device. Raises InputError if it is asked for and missing;
-    `install` is the package that an engine needs for it.
+    cuda: whether the engine finds a CUDA device. Raises InputError if CUDA is requested and
+    missing. `install`: the package that the engine needs for CUDA.
     """
     if device == "cuda" and not cuda:
         line = f"uv pip install --python {sys.executable} '{install}', or " if install else ""
@@ -261,8 +262,8 @@ def seconds_per_call(call: Callable[[], object]) -> float:
 def python_part(world: SteppedWorld) -> float:
     """Return the processor time of Python and of launching in all steps [s].
 
-    For engines that are written in Python. It is measured on a few more steps, as the time outside
-    compiled functions that take more than 10 µs.
+    For engines that are written in Python. The time is measured in a few more steps, as the time
+    outside compiled functions that take more than 10 µs.
     """
     take = partial(world._loop, world.step, 0.0, world.longest, 1)
     profile, whole = Profile(time.process_time), seconds_per_call(take)
@@ -275,7 +276,7 @@ def python_part(world: SteppedWorld) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class StepSettings(EngineSettings):
-    """Settings of an engine with equal steps [s]. In those that adapters add, None is a default."""
+    """Settings of an engine with equal steps [s]. A field of an adapter that is None is default."""
 
     timestep: float
 
@@ -302,14 +303,14 @@ class SpinSettings(StepSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class PointSettings(SpinSettings):
-    """Settings of such an engine, or of its dynamics without its contact."""
+    """Settings of an engine with point contact, or of its dynamics without its contact."""
 
     ideal: Literal["RK4", "DOP853"] | None = None  # our constraints on the engine's dynamics
     rtol: float = 1e-12  # of DOP853
 
 
 def either(real: Callable[..., World], ideal: Callable[..., World]) -> Callable[..., World]:
-    """Return a factory: worlds with the engine's contact, or ideal ones if the settings ask so."""
+    """Return a factory: worlds with the engine's contact, or ideal worlds if settings.ideal."""
     return lambda scene, settings, step: (ideal if settings.ideal else real)(scene, settings, step)
 
 
@@ -324,7 +325,7 @@ def spin_damping(scene: Scene, settings: SpinSettings, step: float) -> float:
 
 
 def under_friction(scene: Scene, settings: Any) -> Any:
-    """Return settings with the coefficients of friction that the scene limits, if they have any."""
+    """Return settings with the scene's limits of friction, if the settings have friction."""
     limits = without_none(friction=scene.friction.sliding, torsional=scene.friction.torsional)
     return replace(settings, **{name: limits[name] for name in limits if hasattr(settings, name)})
 
@@ -349,7 +350,7 @@ def in_single_precision(scene: Scene, settings: Any) -> str:
 
 
 def _beyond_given_rates(scene: Scene) -> str | None:
-    """Return in one line what a scene has beyond given rates and friction of sliding and spin."""
+    """Return a line on a scene's features beyond given rates and friction of sliding and spin."""
     if scene.ball.links:
         return "its adapter supports a shell, a frame, rotors and pendulums, but no other links"
     if any(hinge.motor for hinge in scene.hinges):
@@ -368,12 +369,13 @@ class Adapter(Engine):
     Attributes
     ----------
     packages : tuple of str
-        The names that are imported.
+        The names of the packages that are imported.
     extra : str
-        The extra of robotball that installs them; also the name of engine and environment.
+        The extra of robotball that installs the packages; also the name of engine and environment.
     world : callable
-        (scene, settings, longest step [s]) -> World. If the presets have a `device`, it also takes
-        scenes that differ only in their initial states and rolls their balls side by side.
+        (scene, settings, longest step [s]) -> World. If the presets have a `device`, the callable
+        also takes scenes that differ only in their initial states, and rolls their balls side by
+        side.
     lacks : callable
         (scene, settings) -> one line on physics that the engine lacks for the scene, or None.
     moves_plane : bool
@@ -411,7 +413,7 @@ class Adapter(Engine):
         return all(find_spec(name) is not None for name in self.packages)
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Return in one line why its adapter cannot roll the scene, or None."""
+        """Return the reason why the adapter cannot run the scene, in one line, or None."""
         if not (scene.plane_is_still or self.moves_plane):
             return "its adapter keeps the plane still, but this plane moves or turns"
         if scene.slip_limits[2] < np.inf and not self.resists_spin:
@@ -427,7 +429,8 @@ class Adapter(Engine):
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion. Loads that the engine does not report are NaN.
 
-        If the engine is not installed here, it runs in its environment, without progress reports.
+        If the engine is not installed here, the engine's environment runs it, without progress
+        reports.
         """
         (motion,) = self._motions([scene], times, request)
         return motion
@@ -463,12 +466,13 @@ class Adapter(Engine):
     ) -> dict[str, Any]:
         """Step the balls of scenes in one world of the engine that is installed here.
 
-        Writes their states to the file `samples` as they come. Returns what `motions_of` needs
-        besides.
+        Writes the states to the file `samples` during the run. Returns the other arguments of
+        `motions_of`.
         """
         scene, kind = scenes[0], type(self.presets[self.default])
         settings = under_friction(scene, as_own(request.settings, kind, self.label))
-        # Do not refuse: the comparison of engines measures the effect of such a lack.
+        # Do not refuse the scene: the comparison of engines measures the effect of what the engine
+        # lacks.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         more = (scenes,) if len(scenes) > 1 else ()
@@ -510,13 +514,13 @@ class Adapter(Engine):
 
 
 def rows_in(samples: Path, balls: int, k: int) -> Array:
-    """Return the State rows (balls, k, 13 + 2h) of a file, which are read when they are used."""
+    """Return the State rows (balls, k, 13 + 2h) of a file, which are read on use."""
     rows = np.asarray(np.memmap(samples, dtype=float, mode="r"))
     return rows.reshape(k, balls, -1).swapaxes(0, 1)
 
 
 def _most_balls(samples: int, device: str) -> int:
-    """Return how many balls go into one world on a device, each with its samples [bytes]."""
+    """Return how many balls fit into one world on a device, for `samples` bytes per ball."""
     disk = shutil.disk_usage(gettempdir()).free
     return max(1, int(_SHARE * min(_memory_of(device) / _BALL, disk / samples)))
 
@@ -543,7 +547,7 @@ def stepped_by(
 
 
 def elsewhere(engine: Engine, folder: Path | str) -> Engine:
-    """Return an adapter with its environments in another folder; other engines unchanged."""
+    """Return an adapter with its environments in another folder, or another engine unchanged."""
     return replace(engine, environments=Path(folder)) if isinstance(engine, Adapter) else engine
 
 
@@ -573,7 +577,7 @@ class IdealWorld(World):
         rolling = np.array([[0.0, a, 0.0], [-a, 0.0, 0.0], [0.0, 0.0, 0.0]])
         whole = np.concatenate([rolling, np.eye(3), np.zeros((h, 3))])
         self.S = whole[:, :2] if scene.rolling == "rubber" else whole
-        self.carried = [0, 1, 5] if scene.rolling == "rubber" else [0, 1]  # by the plane, in u
+        self.carried = [0, 1, 5] if scene.rolling == "rubber" else [0, 1]  # carried in u
 
     @abstractmethod
     def dynamics(self, state: State) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """PyBullet: Bullet's articulated bodies, with velocity motors on the hinges.
 
-It integrates with semi-implicit Euler only. Its spinning friction serves the rubber model.
+PyBullet integrates only with semi-implicit Euler. Its spinning friction is used for the rubber
+model.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 class _BulletSettings(adapter.StepSettings):
     """Settings of a PyBullet run."""
 
-    friction: float | None = None  # of the ball; Bullet uses at most 10
+    friction: float | None = None  # of the ball; Bullet limits it to 10
     torsional: float | None = None  # m, against spin; for rubber balls only
     motor_force: float = 1e3  # N m, largest torque of a hinge's velocity motor
     damping: float | None = None  # of all links

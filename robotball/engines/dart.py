@@ -1,7 +1,7 @@
 """DART: its bodies with velocity actuators, or its dynamics under our constraints.
 
-Its contact has no torsional friction; we apply a torque against spin instead. It integrates with
-semi-implicit Euler only.
+DART's contact has no torsional friction; we apply a torque against spin instead. DART integrates
+only with semi-implicit Euler.
 """
 
 from dataclasses import dataclass
@@ -150,7 +150,8 @@ DART = adapter.Adapter(
     extra="dart",
     presets=adapter.by_name(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3, spin_part=0.0),
-        # The ball needs a friction of 1.2. The rest is the error of the first-order integrator.
+        # The ball needs a friction of 1.2. The remaining error comes from the first-order
+        # integrator.
         _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
         _DartSettings(name="slip", error_tolerance=5e-2, timestep=1e-3, law="Coulomb"),
         # DOP853 chooses its steps; the timestep is the longest.

@@ -22,7 +22,7 @@ _FIRST_DEPTH, _DEPTH_ERROR = 1e-3, 1e-12  # radii, in the search for the depth a
 
 @dataclass(frozen=True, kw_only=True)
 class _DrakeSettings(adapter.PointSettings):
-    """Settings of a Drake run, in discrete time without an `integrator`; timestep: the longest."""
+    """Settings of a Drake run; time is discrete without an `integrator`; timestep: the longest."""
 
     approximation: Literal["sap", "lagged", "similar"] | None = None
     integrator: str | None = None  # Drake's name, such as "radau3"
@@ -66,8 +66,8 @@ def _add_plant(
         else:
             motor.set_controller_gains(tree.PdControllerGains(p=0.0, d=settings.gain))
     friction = plants.CoulombFriction(settings.friction, settings.friction)
-    # Two equally stiff bodies touch in the middle of their overlap. That must be at height 0: else
-    # friction's lever arm is wrong by 9e-6 m.
+    # Two equally stiff bodies touch in the middle of their overlap. The middle must be at height 0:
+    # otherwise friction's lever arm is wrong by 9e-6 m.
     ground = HalfSpace.MakePose(np.array([0, 0, 1.0]), np.array([0, 0, depth / 2]))
     plant.RegisterCollisionGeometry(plant.world_body(), ground, HalfSpace(), "plane", friction)
     sphere = Sphere(scene.ball.radius + depth / 2)
@@ -85,7 +85,7 @@ def _coordinates(state: State) -> Array:
 
 
 def _alone(scene: Scene, settings: _DrakeSettings, depth: float = 0.0) -> tuple[Any, Any, Any]:
-    """Return a plant in continuous time, its context, and the owners of both."""
+    """Return a plant in continuous time, its context, and the owners of the two."""
     from pydrake.systems.framework import DiagramBuilder
 
     builder = DiagramBuilder()
@@ -111,7 +111,7 @@ def _carrying_depth(scene: Scene, settings: _DrakeSettings) -> float:
 
 
 def _motors(scene: Scene, armature: float | None) -> Any:
-    """Return a system that drives the motors: torques for armatures, else angles and rates."""
+    """Return a system with the motors' inputs: torques for armatures, else angles and rates."""
     from pydrake.systems.framework import LeafSystem
     from pydrake.systems.primitives import ConstantVectorSource
 
@@ -216,16 +216,16 @@ _AS_IT_COMES = _DrakeSettings(
     spin_part=0.0,
 )  # fmt: skip
 # Servos, because these contacts silently freeze all velocities beside the armature of "best"
-# (docs/findings/drake_frozen.py). A lower gain makes the hinges lag: 1e4 N m s/rad by 5e-4 of their
-# rates.
+# (docs/findings/drake_frozen.py). With a lower gain the hinges lag: with 1e4 N m s/rad by 5e-4 of
+# their rates.
 _DISCRETE = _DrakeSettings(
     name="discrete", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
     approximation="lagged", friction=20.0, gain=1e6,
 )  # fmt: skip
-# RADAU with equal steps. With error control, steps shrink to 2e-5 s where friction passes zero, and
+# RADAU with equal steps. With error control, steps shrink to 2e-5 s when friction passes zero, and
 # the errors of Newton's iteration add up. The error depends on the stiction tolerance: 1e-4 instead
-# of 1e-3 m/s divides it by 10, and at 3e-5 the run does not finish. With a spin damping of
-# 1e4 N m s, 30 times inertia over step, the remaining spin was most of the error.
+# of 1e-3 m/s divides it by 10, and at 3e-5 the run does not finish. With a spin damping of 1e4 N m
+# s, 30 times inertia / step, the remaining spin causes most of the error.
 _BEST = replace(
     _DISCRETE, name="best", error_tolerance=1e-3, approximation=None, integrator="radau3",
     accuracy_per_step=1e-8, error_control=False, stiction=1e-4, spin_part=3e3, gain=None,

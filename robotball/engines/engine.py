@@ -1,8 +1,8 @@
 """Contact engines: their protocol, requests to them, their names, and `simulate`.
 
-An engine is imported when it is named, so its dependencies are imported only for its users. Another
-package adds an engine with an entry point of the group `robotball.engines` that has the engine's
-name and points to an Engine.
+An engine's module is imported when the engine is requested by name, so its dependencies are needed
+only by its users. Another package adds an engine with an entry point in the group
+`robotball.engines`. The entry point has the engine's name and points to an Engine.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,8 +29,8 @@ Kind = TypeVar("Kind", bound=EngineSettings)
 class Engine(Protocol):
     """Protocol of a contact engine.
 
-    Any object with these members is an engine. A subclass inherits the members that have a default
-    here.
+    Any object with these members is an engine. A class that inherits from Engine gets the default
+    members that are defined here.
 
     Attributes
     ----------
@@ -39,12 +39,12 @@ class Engine(Protocol):
     presets : mapping of str to EngineSettings
         The engine's settings by name.
     default : str
-        The preset if no settings are given.
+        The name of the preset that is used if no settings are given.
     least_accuracy : float or None
-        The smallest path error that the engine can choose settings for. None if it cannot choose
-        settings.
+        The smallest path error for which the engine can choose settings. None if the engine cannot
+        choose settings.
     as_it_comes : str
-        The preset that a newcomer would write.
+        The name of the preset with the settings that a newcomer would write.
     closes_loops : bool
         Whether the engine runs scenes with a controller.
 
@@ -66,48 +66,49 @@ class Engine(Protocol):
     closes_loops: bool = False
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Return why the engine cannot roll this scene, in one line; None if it can."""
+        """Return the reason why the engine cannot run this scene, in one line, or None."""
         return None
 
     def friction(self, scene: Scene, settings: EngineSettings) -> Friction | None:
-        """Return the friction of a scene's contact under settings; None if it is not known."""
+        """Return the contact's friction for a scene and settings; None if it is unknown."""
         return None
 
     def run(self, scene: Scene, times: Array, request: "Request") -> ContactMotion:
-        """Return the scene's motion at times (n,) [s] from 0; fewer if the run broke off."""
+        """Return the scene's motion at times (n,) [s] from 0; fewer times if the run failed."""
         ...
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
-        """Return a function that runs the scene from any state of its ball, without the set-up."""
+        """Return a function that runs the scene from any state, without a new set-up."""
         request = Request(self, settings)
         return lambda times, started: self.run(started, times, request)
 
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of scenes, each equal to that of `run`."""
+        """Yield the motion of each scene, equal to the motion that `run` returns."""
         request = Request(self, settings)
         return (self.run(scene, times, request) for scene in scenes)
 
 
 @dataclass(frozen=True)
 class Request:
-    """Request to an engine: settings of its own, or an accuracy.
+    """Request to an engine, with either settings or an accuracy.
 
     Attributes
     ----------
     engine : Engine
         The engine that runs the scene.
     settings : EngineSettings or None
-        The engine's settings. None if the accuracy chooses them.
+        The engine's settings. None if settings are chosen for `accuracy`.
     accuracy : float or None
         The path error to reach, relative to the path's length. None if settings are given.
     strict : bool
-        True if settings that are predicted to fail raise InputError; False if they warn.
+        If True, settings that are predicted to fail raise InputError. If False, they cause a
+        warning.
     progress : callable or None
         Called with the simulated fraction, from 0 to 1.
     loads : Loads or None
-        The loads of the whole motion, if known from a reference. Predictions use them.
+        The loads of the whole motion, if a reference motion gives them. The predictions use them.
 
     Examples
     --------
@@ -130,7 +131,7 @@ class Request:
 
 
 def as_own(settings: EngineSettings | None, kind: type[Kind], label: Label) -> Kind:
-    """Return settings of an engine's own kind. Raises InputError if they are of another kind."""
+    """Return the settings of an engine. Raises InputError if their type is not `kind`."""
     if not isinstance(settings, kind):
         raise InputError(f"{label.name} needs {kind.__name__}, not {settings!r}")
     return settings
@@ -138,7 +139,7 @@ def as_own(settings: EngineSettings | None, kind: type[Kind], label: Label) -> K
 
 _GROUP = "robotball.engines"
 DEFAULT = "mujoco"
-# Strings as in entry points: an import would load all engines.
+# Strings as in entry points, because imports here would load all engines.
 OURS = {
     "mujoco": "robotball.engines.mujoco.mujoco_engine:MUJOCO",
     "multibody": "robotball.engines.multibody_engine:MULTIBODY",
@@ -162,9 +163,9 @@ def engine_names() -> list[str]:
     Returns
     -------
     list of str
-        The names of the engines of robotball, then of those that installed packages add with an
-        entry point of the group `robotball.engines`. The dependencies of a listed engine need not
-        be installed.
+        The names of robotball's engines, followed by the engines that installed packages add with
+        an entry point in the group `robotball.engines`. An engine is listed even if its
+        dependencies are not installed.
 
     Examples
     --------
@@ -224,8 +225,9 @@ def simulate(
 ) -> ContactMotion:
     """Simulate a scene with a contact engine.
 
-    A run ends at its first fault, so a motion may have fewer times than requested. If
-    `stop_at_fault` of the settings is False, only a fault that leaves no state ends it.
+    A run ends at its first fault, so the motion may have fewer times than requested. If the
+    settings have `stop_at_fault=False`, a run ends only at a fault after which the ball has no
+    state.
 
     Parameters
     ----------
@@ -238,8 +240,8 @@ def simulate(
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     accuracy : float, optional
-        The path error to reach, relative to the path's length. Settings are chosen for it, so give
-        either `accuracy` or `settings`.
+        The path error to reach, relative to the path's length. Settings are chosen for this error,
+        so give either `accuracy` or `settings`.
     strict : bool, default False
         Raise InputError for settings that are predicted to fail, instead of a warning.
     progress : callable, optional
@@ -253,9 +255,9 @@ def simulate(
     Raises
     ------
     InputError
-        If times are unusable, the engine or the preset is unknown, the engine cannot express the
-        scene, rounding forbids the accuracy, the run needs more steps than the settings allow, or
-        `load_scene` raises it.
+        If the times are invalid, the engine or the preset is unknown, the engine cannot express the
+        scene, rounding errors exceed the accuracy, the run needs more steps than the settings
+        allow, or `load_scene` raises it.
 
     Warns
     -----
@@ -283,8 +285,8 @@ def request_of(
 ) -> Request:
     """Return the request for a user's choices.
 
-    keep_going: do not end at the first fault. Raises InputError for an unknown engine or preset,
-    for both settings and accuracy, and for an accuracy that the engine cannot reach.
+    keep_going: continue a run after its first fault. Raises InputError for an unknown engine or
+    preset, for both settings and accuracy, and for an accuracy that the engine cannot reach.
     """
     if isinstance(engine, str) or not hasattr(engine, "presets"):
         engine = engine_named(str(engine))
@@ -315,7 +317,7 @@ def _check_accuracy(
 def run_request(scene: Scene, times: Times, request: Request) -> ContactMotion:
     """Run a request as `simulate` does."""
     times = runnable(scene, times, request)
-    # The last time may be beyond the scene's duration, and drives must reach it.
+    # The last time may be later than the scene's duration; the drives must be defined up to it.
     return as_of(scene, request.engine.run(scene.until(float(times[-1])), times, request))
 
 
@@ -338,17 +340,17 @@ def as_of(scene: Scene, motion: ContactMotion) -> ContactMotion:
     return replace(motion, scene=scene)
 
 
-_STILL = 10.0  # s in which any ball that rolls covers its radius
-_SAMPLED = 100  # samples that determine a path's length
-# Times torque_limit/kv, the rate without load of a motor whose limit is its stall torque.
-# Electronics may limit the torque to less, but seldom to a fifth.
+_STILL = 10.0  # s; a rolling ball covers at least its radius in this time
+_SAMPLED = 100  # samples; with fewer the path's length is uncertain
+# A factor of torque_limit/kv, which is a motor's rate without load if the limit is its stall
+# torque. Electronics may limit the torque to less than this, but seldom to a fifth of it.
 _NO_LOAD = 5.0
 
 
 def _doubts(motion: ContactMotion) -> Iterator[str]:
-    """Yield why the motion is implausible; wrong units are the usual cause."""
+    """Yield the reasons why the motion is implausible; the usual cause is wrong units."""
     scene, radius = motion.scene, motion.scene.ball.radius
-    # The fault of a run says already that the motion is wrong.
+    # A fault already reports that the motion is wrong.
     if motion.report.faults or len(motion.times) < _SAMPLED:
         return
     if motion.times[-1] >= _STILL and motion.path_length < radius:

@@ -1,12 +1,13 @@
 """Python environments of engines: make them with uv, and call functions in their processes.
 
-Each engine has its own environment, so that engines do not constrain each other's packages. It is
-made with the newest Python here that the engine's newest release supports. If that is our own
-Python version, the environment holds the engine and its requirements only, and everything else,
-including robotball, comes from our environment, which is searched afterwards. Otherwise our
-compiled packages cannot be loaded, so the environment holds all that robotball requires, in the
-versions that the engine needs, and only robotball itself is added. An environment is not run if
-robotball did not make it or if another user may change it.
+Each engine has its own environment, so that engines do not constrain each other's packages. An
+environment is made with the newest Python on this machine that the engine's newest release
+supports. If this is our own Python version, the environment contains only the engine and its
+requirements. Everything else, including robotball, comes from our environment, which is searched
+second. With another Python version our compiled packages cannot be loaded, so the environment
+contains all that robotball requires, in the versions that the engine needs, and only robotball
+itself is added. An environment is not run if robotball did not make it or if another user may
+change it.
 
 A process runs the environment's interpreter and ends when its pipe to us closes. The engine's
 output goes to standard error.
@@ -42,10 +43,11 @@ _PYENV = Path(os.environ.get("PYENV_ROOT") or "~/.pyenv")
 with suppress(RuntimeError):  # the user has no home folder
     ENVIRONMENTS, _PYENV = ENVIRONMENTS.expanduser(), _PYENV.expanduser()
 _UV = Path(os.environ.get("UV_PYTHON_INSTALL_DIR") or ENVIRONMENTS.parents[1] / "uv" / "python")
-_MADE = "made_by_robotball.txt"  # among the packages: the Python, the versions and newer releases
+_MADE = "made_by_robotball.txt"  # a file with the Python, the versions and newer releases
 _OWN_NAME = f"python3.{sys.version_info[1]}"
-# Our paths go after the paths of the environment. They are not stored in it, because checkouts may
-# share it. An installed robotball lies beside compiled packages that another Python cannot load.
+# Our paths go after the paths of the environment. Our paths are not stored in the environment,
+# because checkouts may share it. An installed robotball is beside compiled packages that another
+# Python cannot load.
 _OURS = [str(Path(__file__).parents[2]), sysconfig.get_path("purelib")]
 _BESIDE = _OURS[0].endswith("-packages")
 _START = (
@@ -59,8 +61,8 @@ _ASKED = "import sys, ensurepip; print('python%d.%d' % sys.version_info[:2])"
 def pythons() -> dict[str, Path]:
     """Return the Pythons of this machine that robotball supports, by version, newest first.
 
-    Searches the PATH and the folders of pyenv and uv. For each version it is the first one that can
-    make environments; for our own version it is our interpreter.
+    Searches the PATH and the folders of pyenv and uv. For each version it returns the first Python
+    that can make environments; for our own version, our interpreter.
     """
     path = _path()
     # PYENV_ROOT may be unset or wrong.
@@ -77,7 +79,7 @@ def pythons() -> dict[str, Path]:
 
 
 def _path() -> list[Path]:
-    """Return the absolute folders of the PATH: a relative one could belong to anyone."""
+    """Return the absolute folders of the PATH: a relative folder could belong to anyone."""
     return [folder for folder in map(Path, os.get_exec_path()) if folder.is_absolute()]
 
 
@@ -114,7 +116,7 @@ def _normal(name: str) -> str:
 
 
 def _newest(home: Path, version: str, requirement: str) -> str:
-    """Return the newest release that has wheels for a Python version, "" if it has none."""
+    """Return the newest release that has wheels for a Python version, "" if none has."""
     asked = ("pip", "compile", "--no-annotate", "--only-binary", ":all:", "--python-version")
     begins = f"{_normal(name_of(requirement))}=="
     with suppress(InputError):
@@ -126,7 +128,7 @@ def _newest(home: Path, version: str, requirement: str) -> str:
 def newer_releases(python: Path, requirements: Iterable[str]) -> list[str]:
     """Ask the package index for newer releases of required packages and of their parts.
 
-    A part begins with the same word, as mujoco-core does. Returns names with versions.
+    The name of a part begins with the same word, such as mujoco-core. Returns names with versions.
     """
     words = tuple(name_of(requirement).split("-")[0] for requirement in requirements)
     asked = ("pip", "list", "--outdated", "--format", "json", "--python", str(python))
@@ -140,8 +142,8 @@ def interpreter_of(home: Path, requirements: Iterable[str] = ()) -> Path | None:
 
     The marker file is written last, so an environment without it is incomplete. An environment of
     another Python version is outdated if robotball's requirements have changed. Raises InputError
-    if another user may change the environment, if its Python is gone, and if it has an older
-    release than one of the requirements.
+    if another user may change the environment, if its Python is missing, or if a package is older
+    than its requirement.
     """
     if not (_packages(home) / _MADE).exists():
         return None
@@ -257,7 +259,7 @@ def _add_ours(home: Path, failure: str) -> None:
 
 
 def _uv(home: Path, failure: str, *arguments: str, text: str = "") -> str:
-    """Return uv's output. Raises InputError without uv, or with `failure` and uv's reason."""
+    """Return uv's output. Raises InputError if uv is missing, or with `failure` and uv's reason."""
     folders = (sysconfig.get_path("scripts"), *map(str, _path()))
     if (uv := which("uv", path=os.pathsep.join(folders))) is None:
         raise InputError("engines are installed with uv, which is not found here: pip install uv")
@@ -281,8 +283,9 @@ def _packages(home: Path) -> Path:
 def call(python: Path | str, function: Callable[..., _T], *arguments: Any) -> _T:
     """Return the result of a function that is called in a process of another interpreter.
 
-    Repeats its warnings and its InputError here. Raises InputError if the function or its arguments
-    cannot be pickled, and if the process fails, with the last line that it printed.
+    Warnings and an InputError of the function are repeated here. Raises InputError if the function
+    or its arguments cannot be pickled, and if the process fails; the message has the last line that
+    the process printed.
     """
     try:
         job = pickle.dumps(partial(function, *arguments))
@@ -311,7 +314,7 @@ def call(python: Path | str, function: Callable[..., _T], *arguments: Any) -> _T
 
 
 def _main() -> None:
-    """Call the pickled function of standard input and write its answer. End with the pipe."""
+    """Call the pickled function from standard input, and write its answer to the pipe."""
     end_when_closed(int(sys.argv[1]))
     with os.fdopen(os.dup(1), "wb") as answer:
         os.dup2(2, 1)  # engines print to standard output

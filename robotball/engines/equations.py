@@ -20,10 +20,10 @@ _EQUATIONS: dict[_Equations, str] = {
     "multibody": "robotball.theory.multibody.integration",
 }
 
-_COARSE, _MOST_COARSE = 1e-8, 5000  # rtol and steps of a motion of which only the slip is asked
-_CERTAIN = 0.9  # of the friction: a motion that needs less at its samples needs less in between
-# The part of a motion whose friction is checked first, at so many times: a ball that slips in it is
-# not rolled to the end.
+_COARSE, _MOST_COARSE = 1e-8, 5000  # rtol and most steps of a motion that is only checked for slip
+_CERTAIN = 0.9  # of the friction; if samples need less, the ball does not slip in between
+# The friction of this first part of a motion is checked at this many times. If the ball slips in
+# this part, rolling is not integrated to the end.
 _EARLY, _CHECKS = 1 / 16, 9
 
 
@@ -45,9 +45,9 @@ def integrate(
     equations: _Equations | None = None,
     progress: Progress | None = None,
 ) -> ReferenceMotion:
-    """Integrate a scene's motion with the equations of rolling, and of slipping if it must.
+    """Integrate a scene's motion with the equations of rolling, or of slipping if the ball slips.
 
-    The ball slips if the scene's friction is given and the motion needs more.
+    The ball slips if the scene gives its friction and rolling needs more friction.
 
     The label of the motion names the equations. Every number of a returned motion is finite.
 
@@ -58,14 +58,15 @@ def integrate(
     times : float or (n,), s, optional
         The duration, or sample times that increase from 0. The default is `scene.times`.
     rtol : float, default 1e-15
-        The relative error allowed in one step, at least the default.
+        The largest relative error of one step. It must not be smaller than the default.
     max_steps : int, optional
-        The largest number of steps. The default corresponds to some minutes of work.
+        The largest number of steps. The default corresponds to some minutes of computing.
     equations : str, optional
-        "reduced" for the paper's (3.2) or (3.3), which never slip, or "multibody" for the equations
-        of any robot. The default is "reduced" if these describe the motion, else "multibody".
+        "reduced" for equations (3.2) or (3.3) of the paper, in which the ball never slips, or
+        "multibody" for the equations of any robot. The default is "reduced" if (3.2) or (3.3)
+        describes the motion, else "multibody".
     progress : callable, optional
-        Called with the fraction of the motion that is known, from 0 to 1, if the integration takes
+        Called with the integrated fraction of the motion, from 0 to 1, if the integration takes
         longer than a moment.
 
     Returns
@@ -76,9 +77,9 @@ def integrate(
     Raises
     ------
     InputError
-        If times are unusable, the requested equations do not describe the scene, the ball lifts
-        off, the limit of steps is met, a step becomes too short, a number overflows, or
-        `load_scene` raises it.
+        If the times are invalid, the requested equations do not describe the scene, the ball lifts
+        off, `max_steps` is reached, a step becomes too short, a number overflows, or `load_scene`
+        raises it.
 
     Warns
     -----
@@ -124,24 +125,24 @@ def integrate(
         if scene.start.slips:
             return run("multibody", scene, times, progress)
         try:
-            # A controller is not called for this, because it may have a state of its own.
+            # A controller is not called for this check, because a call may change its state.
             if not scene.controller:
                 early = np.linspace(0.0, _EARLY * times[-1], _CHECKS)
                 if run(chosen, scene.ideal, early, None).loads.grip(scene.slip_limits).max() > 1:
                     return run("multibody", scene, times, progress)
             rolling = replace(run(chosen, scene.ideal, times, half(0.0)), scene=scene)
-        except EarlyEndError:  # a ball that slips may go on
+        except EarlyEndError:  # a ball that slips may continue
             return run("multibody", scene, times, progress)
         if rolling.loads.grip(scene.slip_limits).max() < _CERTAIN:
             return rolling
-        # Between the samples the friction may be exceeded, or it is.
+        # The friction is exceeded at a sample, or may be exceeded between samples.
         slipping = run("multibody", scene, times, half(0.5))
         return rolling if slipping.slip is None else slipping
 
 
 def slips(scene: Scene) -> bool:
-    """Return whether a motion exceeds the friction of its scene; True if that is not known."""
-    if not scene.may_slip or scene.start.slips or scene.controller:  # a controller acts only once
+    """Return whether a motion exceeds the friction of its scene; True if this is unknown."""
+    if not scene.may_slip or scene.start.slips or scene.controller:  # call controllers only once
         return scene.may_slip
     try:
         return integrate(scene, rtol=_COARSE, max_steps=_MOST_COARSE).slip is not None

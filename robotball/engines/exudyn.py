@@ -1,9 +1,9 @@
 """Exudyn: the ball as one body with an ideal rolling constraint, or on Exudyn's contact.
 
 Exudyn's rolling joints are for discs, whose contact point depends on the disc's axis. A ball rolls
-with our velocity constraint, and our torque stands for the rotors; both are Python functions.
-Rotors as bodies would need short steps: at 2 ms with the default solver, a rotor at 150 rad/s has
-an error of 6.6e-3 with Euler parameters and 2.6e-4 with a rotation vector
+with our velocity constraint, and our torque replaces the rotors. The constraint and the torque are
+Python functions. Rotors as bodies would need short steps: at 2 ms with the default solver, a rotor
+at 150 rad/s has an error of 6.6e-3 with Euler parameters and 2.6e-4 with a rotation vector
 (docs/findings/exudyn_fast_rotor.py).
 """
 
@@ -30,7 +30,7 @@ class _ExudynSettings(adapter.StepSettings):
     solver: Literal["TrapezoidalIndex2", "GeneralizedAlpha"] = "GeneralizedAlpha"
     tolerance: float | None = None  # of Newton's iteration, relative
     modified: bool = False  # keep Newton's matrix over steps
-    load_jacobian: bool = True  # include our torque's derivatives in it
+    load_jacobian: bool = True  # include our torque's derivatives in Newton's matrix
     friction: float | None = None  # of Exudyn's contact; None: our constraint
     slip_zone: float = 2e-5  # m/s, slip speed at which friction is full
     stiffness: float | None = None  # N/m, of the contact; None: pressed in by 1e-6 radii
@@ -62,7 +62,7 @@ class _ExudynWorld(adapter.World):
         return self.system.AddSensor(sensor(**item, outputVariableType=read, storeInternal=True))
 
     def _fill(self) -> None:
-        """Add bodies and the constraint. The last node is the one that is read."""
+        """Add bodies and the constraint. The state is read from the last node."""
         ball = self.scene.ball
         self.row_count, self.driven = 4 if self.scene.rolling == "rubber" else 3, slice(None)
         omega = self.now.omega + self.now.rates[0] * self._axis(self.now.attitude)
@@ -174,7 +174,7 @@ class _ExudynWorld(adapter.World):
         from scipy.interpolate import CubicSpline  # late: all engines are listed without it
 
         read = [self.system.GetSensorStoredData(sensor) for sensor in self.sensors]
-        # The cubic's error has order 4, the solver's order 2.
+        # The error of the cubic has order 4, that of the solver order 2.
         path = CubicSpline(read[0][:, 0], np.hstack([columns[:, 1:] for columns in read]))
         for t in times[1:].tolist():
             centre, velocity, omega, R = np.split(path(t), [3, 6, 9])
@@ -204,8 +204,8 @@ class _ExudynWorld(adapter.World):
 class _ContactWorld(_ExudynWorld):
     """The shell on Exudyn's contact, and a second body for the rest of the ball.
 
-    Our constraint joins their centres, prescribes the frame's rate, and forbids a rubber ball to
-    spin.
+    Our constraint joins the centres of the two bodies, prescribes the frame's rate, and prevents
+    spin of a rubber ball.
     """
 
     def _fill(self) -> None:

@@ -1,7 +1,7 @@
 """Genesis: its rigid solver on the CPU, with a velocity servo for each hinge.
 
-Its contact model follows MuJoCo. It integrates with semi-implicit Euler only, with or without an
-implicit part.
+Its contact model follows MuJoCo. Genesis integrates only with semi-implicit Euler, with or without
+an implicit part.
 """
 
 from dataclasses import dataclass
@@ -138,7 +138,7 @@ _AS_IT_COMES = _GenesisSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-2,
     most_torque=87.0,
 )  # fmt: skip
-# Genesis's largest friction; the ball needs 1.2. The rest follows the settings for MuJoCo: an
+# Genesis's largest friction; the ball needs 1.2. The other settings follow those for MuJoCo: an
 # elliptic cone, a hard contact, armatures that the load cannot accelerate, and a solver that runs
 # all iterations, because its tolerance is relative to those armatures.
 _BEST = _GenesisSettings(

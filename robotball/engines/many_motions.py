@@ -1,4 +1,4 @@
-"""Many motions with a contact engine: of many starts, or of many scenes."""
+"""Simulate many starts of one scene, or many scenes, with a contact engine."""
 
 import ctypes
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -20,7 +20,7 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, eq=False)
 class FromStarts(Sequence[Scene]):
-    """A scene from many starts. Each scene is made on request, which takes 0.2 ms.
+    """Sequence of one scene with many starts. Reading an item makes its scene in 0.2 ms.
 
     Raises InputError for a start that is not a Start.
     """
@@ -53,10 +53,10 @@ class FromStarts(Sequence[Scene]):
 
 
 def of_each(work: Callable[[Scene], _Result], scenes: Sequence[Scene]) -> Iterator[_Result]:
-    """Yield work(scene) of each scene, in processes, or here if `work` cannot be pickled."""
+    """Yield work(scene) of each scene, from other processes if `work` can be pickled."""
     if isinstance(scenes, FromStarts):
         of_start = partial(_of_start, work, scenes.scene)
-        # Any Start can be pickled; to try 1e5 of them takes seconds.
+        # Any Start can be pickled, and testing 1e5 of them would take seconds.
         here = pickled_jobs(of_start, ()) is None
         return map(of_start, scenes.starts) if here else in_processes(of_start, scenes.starts)
     return in_processes(work, scenes, or_here=True)
@@ -78,15 +78,16 @@ def simulate_many(
 ) -> Iterator[ContactMotion]:
     """Simulate many starts of a scene, or many scenes, with a contact engine.
 
-    Each motion equals that of `simulate` to the last bit. Engines that can use all cores. Motions
-    are made as the iterator advances, so memory does not grow with their number. With `device` the
-    engine steps all balls together, and the motions are equal up to rounding.
+    Each motion equals the motion that `simulate` returns, to the last bit. Engines that can do so
+    use all cores. Motions are computed as the iterator advances, so the memory used does not grow
+    with the number of motions. With `device` the engine steps all balls together, and a motion
+    differs from that of `simulate` by rounding.
 
     Parameters
     ----------
     scene : Scene, str, Path or sequence of these
-        The scene whose ball is started many times, its name or file, or several scenes, which may
-        differ in their drives and bodies too.
+        One scene, with many starts, or a sequence of scenes. The scenes of a sequence may also
+        differ in their drives and bodies. A name or a file stands for its scene.
     starts : sequence of Start, optional
         The starts of a single scene.
     times : float or (n,), s, optional
@@ -97,7 +98,7 @@ def simulate_many(
     engine : Engine or str, default "mujoco"
         The engine, or its name.
     device : str, optional
-        "cpu" or "cuda", in place of the device in the settings, for engines that have a choice.
+        "cpu" or "cuda". It replaces the device in the settings, for engines that have a choice.
     progress : callable, optional
         Called with the fraction of the runs that are done, from 0 to 1.
 
@@ -109,15 +110,15 @@ def simulate_many(
     Raises
     ------
     InputError
-        If `starts` is given with several scenes, missing with one, or not of type Start, if the
-        engine has no choice of a device, or if `simulate` raises it. An invalid start raises it
-        when its motion is made.
+        If `starts` is given for a sequence of scenes, is missing for one scene, or has an item that
+        is not a Start; if the engine has no choice of a device; or if `simulate` raises it. An
+        invalid start raises InputError only when its motion is computed.
 
     Warns
     -----
     SceneWarning
         If settings are predicted to fail, or if a motion is implausible. If scenes differ only in
-        their start, those with the least and the largest momentum are checked.
+        their start, only the scenes with the smallest and the largest momentum are checked.
 
     Examples
     --------
@@ -152,7 +153,7 @@ def simulate_many(
 
 
 def _check_device(device: str) -> None:
-    """Raise InputError for an unknown or missing device, before an engine takes seconds for it."""
+    """Raise InputError for an unknown or missing device, before an engine spends seconds."""
     if device not in ("cpu", "cuda"):
         raise InputError(f"unknown device {device!r}: give cpu or cuda")
     if device == "cuda":

@@ -1,7 +1,7 @@
 """Newton: a model from its builder, stepped with its MuJoCo solver.
 
-Model and states have single precision. One ball is stepped with MuJoCo in double precision; many
-balls side by side with MuJoCo Warp, in single precision.
+Model and states have single precision. One ball is stepped with MuJoCo in double precision. Many
+balls are stepped side by side with MuJoCo Warp, in single precision.
 """
 
 from collections.abc import Sequence
@@ -17,9 +17,10 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
 _TIME_CONSTANT = 0.04  # s, of the contact, if its impedance is set
-_SLIP_IMPEDANCE = 0.2  # 1/s, impedance over timestep of the contact for a ball that slips
+_SLIP_IMPEDANCE = 0.2  # 1/s, impedance / timestep of the contact for a ball that slips
 _SERVO = {"target_kd": 1.0, "armature": 0.01}  # N m s/rad and kg m², in preset as-it-comes
-# The largest values for Warp in single precision: with 0.9999 or 1e12 kg m² the ball is thrown off.
+# The largest values for Warp in single precision: with 0.9999 or 1e12 kg m² the ball is thrown off
+# the plane.
 _WARP_CAPS = {"impedance": 0.99, "armature": 1e6}
 
 
@@ -36,7 +37,7 @@ class _NewtonSettings(adapter.StepSettings):
     armature: float | None = None  # kg m², reflected inertia of the hinges, in place of servos
     impedance: float | None = None  # of the contact; slip then decays slowly
     noslip: int | None = None  # iterations of the solver's noslip pass
-    slips: bool = False  # the contact for a ball that slips, in place of impedance and armature
+    slips: bool = False  # use the contact for a ball that slips, not impedance and armature
     kept: bool = False  # keep the state in the solver, in double precision; deprecated by Newton
     device: str | None = None  # "cpu" or "cuda": step with Warp; None: one ball with MuJoCo
 
@@ -97,7 +98,7 @@ class _NewtonWorld(adapter.CapturedWorld):
         return state.centre - [0.0, 0.0, self.depth]
 
     def _model(self, newton: Any) -> Any:
-        """Return Newton's model of the balls at their initial states, a world each."""
+        """Return Newton's model of the balls at their initial states, one world for each ball."""
         wp, scene, settings = self.warp, self.scene, self.settings
         gravity = wp.vec3(*scene.gravity_at(0.0))
         ball, whole = (newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=gravity) for _ in "12")
@@ -160,8 +161,8 @@ class _NewtonWorld(adapter.CapturedWorld):
         target.assign(np.tile(of_ball, self.n))
 
     def control(self, t: float, step: float) -> None:
-        # A step's velocities belong to its end, so that is a servo's target. A torque is constant
-        # over the step; the midpoint value keeps second order.
+        # The velocities of a step are those at its end, so the servo's target is the rate at the
+        # end. A torque is constant over the step; the midpoint value keeps second order.
         middle = [drive.acceleration(t + step / 2) for drive in self.scene.drives]
         self._push(self.hinges_at(t + step)[1], np.array(middle, float))
 
@@ -188,9 +189,9 @@ class _NewtonWorld(adapter.CapturedWorld):
 _AS_IT_COMES = _NewtonSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3
 )
-# The settings for MuJoCo, as far as Newton passes them on. RK4 of its MuJoCo 3.17 has order 2, and
-# the state is rounded to single precision after every step: on fig12 the error is 1.1e-4 at 20 ms,
-# 2.1e-5 at 5 ms and 4.2e-5 at 1 ms.
+# The settings for MuJoCo, as far as Newton passes them to the solver. RK4 of its MuJoCo 3.17 has
+# order 2, and the state is rounded to single precision after every step: on fig12 the error is
+# 1.1e-4 at 20 ms, 2.1e-5 at 5 ms and 4.2e-5 at 1 ms.
 _BEST = _NewtonSettings(
     name="best", error_tolerance=1e-3, stop_at_fault=False, timestep=20e-3, integrator="rk4",
     cone="elliptic", iterations=10, tolerance=0.0, friction=20.0, armature=1e12, impedance=0.9999,

@@ -34,15 +34,15 @@ from robotball.rotations import Array, Mask
 
 _ROUNDING = 2e-15  # relative rounding error of a hinge angle and of its drive's angle
 _ORDER = {kind: i for i, kind in enumerate(FaultKind)}
-_TRIALS = 50  # of a depth; the force is nearly linear in it, so three or four suffice
+_TRIALS = 50  # trials of a depth; the force is nearly linear, so three or four suffice
 
 
 def depth_at_rest(
     upward: Callable[[float], float], near: float, far: float, tolerance: float
 ) -> float:
-    """Return the depth [m] of a contact at which no force is left, nan if none is found.
+    """Return the depth [m] of a contact at which the net force is 0, or NaN if none is found.
 
-    upward: the force or acceleration at a depth; near, far: two different trials of it. The secant
+    upward: the force or acceleration at a depth. near, far: two different trial depths. The secant
     method ends when the depth changes by no more than `tolerance` [m].
     """
     before, last = upward(near), upward(far)
@@ -61,8 +61,8 @@ def spans(
 ) -> tuple[Array, Array, Array]:
     """Cut a run into equal steps that end on its times (n,) and on the drives' breakpoints [s].
 
-    Returns the intervals (m, 2) between these times, and for each the step length (m,) and the
-    number of steps (m,): as few as possible with no step longer than `timestep`.
+    Returns the intervals (m, 2) between these times, the step lengths (m,) and the numbers of steps
+    (m,). The steps are as few as possible without a step longer than `timestep`.
     """
     inside = [t for t in breakpoints if t < times[-1]]
     # Most runs have no breakpoints, and union1d would sort and copy their times.
@@ -89,7 +89,7 @@ def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) ->
 
 @dataclass(frozen=True)
 class Readings:
-    """Readings of m states of a run: the numbers that a motion records and the monitor judges.
+    """Readings of m states of a run: the numbers that a motion records and the monitor checks.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class Readings:
     spin : (m,), rad/s
         The shell's angular velocity about the vertical.
     friction_used : (m,)
-        The used part of the friction cone; NaN if unknown.
+        The used fraction of the friction cone; NaN if unknown.
     touching : (m,), bool
         Whether the plane carries the shell.
     sound : (m,), bool
@@ -154,8 +154,8 @@ Sign = tuple[Mask, Fault]
 class _Monitor:
     """Detect faults: slip, lost contact, wrong hinge rates, drifting momentum, divergence.
 
-    rolled, slipped: lengths so far [m], with spin times radius as slip in the rubber model;
-    momentum: M at the start; ahead (1, k): hinge angles minus their drives' angles [rad].
+    rolled, slipped: lengths so far [m]; in the rubber model, slip includes spin times radius.
+    momentum: M at the start. ahead (1, k): hinge angles minus the angles of their drives [rad].
     """
 
     def __init__(self, scene: Scene, settings: EngineSettings) -> None:
@@ -170,8 +170,9 @@ class _Monitor:
     ) -> list[_FaultAt]:
         """Return the first fault of each kind in the next readings, the earliest first.
 
-        extra: faults that the engine found; failure: why the integrator could not go on after the
-        last row. If the settings stop at a fault, the first that is no mere event is fatal.
+        extra: faults that the engine found. failure: why the integrator could not continue after
+        the last row. If the settings stop at a fault, the first fault that is not just an event is
+        fatal.
         """
         # Squares of a diverged state's numbers overflow.
         with np.errstate(all="ignore"):
@@ -179,7 +180,7 @@ class _Monitor:
             of_the_state = self._of_the_state(readings, elapsed)
             signs = [*of_the_state, *extra, *self._of_the_path(readings, elapsed)]
         first = [(int(np.argmax(mask)), fault) for mask, fault in signs if mask.any()]
-        # A diverged state is the cause of an integrator's failure, so report that alone.
+        # A diverged state is the cause of an integrator's failure, so report only the divergence.
         if failure is not None and not any(fault.fatal for _, fault in first):
             first.append((len(readings.time), failure))
         faults = [
@@ -196,7 +197,8 @@ class _Monitor:
 
     def _of_the_state(self, readings: Readings, elapsed: Array) -> list[Sign]:
         sound, kind = readings.sound, FaultKind
-        # A motor in the scene may be too weak for its command; any other drive must keep its rate.
+        # A motor in the scene may be too weak for its command; any other drive must keep the given
+        # rate.
         exact = [i for i, hinge in enumerate(self.scene.hinges) if hinge.motor is None]
         off_rate = np.asarray((_rate_errors_of(self.scene, readings) > RATE_ERROR).any(axis=1))
         if exact and not self.scene.steady:
@@ -249,7 +251,7 @@ class _Monitor:
 
 
 def _rate_errors_of(scene: Scene, readings: Readings) -> Array:
-    """Return hinge rate errors (m, h) in `Scene.rate_scales`; a motor's lag is no error."""
+    """Return hinge rate errors (m, h) in `Scene.rate_scales`; a motor's lag is not an error."""
     rates, errors = readings.hinge_rates, np.zeros_like(readings.hinge_rates)
     # A diverged state's time may not be finite; drives cannot be evaluated there.
     times = np.where(np.isfinite(readings.time), readings.time, 0.0)
@@ -271,7 +273,7 @@ def _time_of(times: Array, row: int, last_time: float) -> float:
 
 
 class Recording:
-    """The motion of a run as it grows, up to its end or its first fatal fault.
+    """The recorded motion of a run, up to the run's end or its first fatal fault.
 
     Attributes
     ----------
@@ -295,7 +297,7 @@ class Recording:
         extra: Sequence[Sign] = (),
         failure: Fault | None = None,
     ) -> None:
-        """Judge the next readings and record those at sample times.
+        """Check the next readings and record the readings at sample times.
 
         sampled (k,): the rows at sample times, None for all; extra, failure: as in `_Monitor.look`.
         """
@@ -313,8 +315,8 @@ class Recording:
     def motion(self, timestep: float, steps: int, seconds: float, **others: Any) -> ContactMotion:
         """Return the recorded motion.
 
-        timestep: the longest step [s]; steps: their number; seconds: processor time; others: fields
-        of ContactReport.
+        timestep: the longest step [s]; steps: the number of steps; seconds: processor time; others:
+        fields of ContactReport.
         """
         read, faults = self._samples.whole, self.faults.values()
         seconds = measured_time(seconds)
@@ -326,7 +328,7 @@ class Recording:
             depth=self.scene.ball.radius - read.centre[:, 2],
             hinge_rate_error=_rate_errors_of(self.scene, read).max(axis=1, initial=0.0),
             faults=tuple(fault for fault in faults if not fault.note),
-            # Events such as a motor at the limit that the scene sets.
+            # Events, such as a motor at the limit that the scene sets.
             notes=tuple(fault for fault in faults if fault.note),
             **cost | others,
         )

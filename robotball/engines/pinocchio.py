@@ -1,9 +1,9 @@
 """Pinocchio: its mass matrix and bias under our constraints, or its own contact.
 
-Its bilateral constraints hold a fixed point of a body. A ball's contact point changes, and a
-constraint that is redefined at the lowest point at every step has the wrong acceleration
-(docs/findings/pinocchio_rolling.py). Its frictional contacts constrain velocities only, so they do
-not have this error.
+Pinocchio's bilateral constraints hold a fixed point of a body. A ball's contact point changes, and
+a constraint that is redefined at the lowest point at every step has the wrong acceleration
+(docs/findings/pinocchio_rolling.py). Pinocchio's frictional contacts constrain only velocities, so
+they do not have this error.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,16 @@ from robotball.motion import Label
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
-_ARMATURE = 1e12  # kg m², of the hinges with contact: the load cannot accelerate it
+_ARMATURE = 1e12  # kg m², of the hinges with contact: too large for the load to accelerate
 
 
 @dataclass(frozen=True, kw_only=True)
 class _PinocchioSettings(adapter.PointSettings):
     """Settings of a Pinocchio run.
 
-    root: the shell's joint, with velocity in rotating axes for a free flyer, else in world axes. A
-    step moves along the velocity, so rotating axes have 8 to 11 times the error with the contact.
+    root: the shell's joint; the velocity of a free flyer is in rotating axes, that of other joints
+    in world axes. A step moves along the velocity, so with the contact the error in rotating axes
+    is 8 to 11 times as large.
     """
 
     friction: float = 0.8  # of ball and plane

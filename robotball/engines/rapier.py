@@ -1,7 +1,7 @@
 """Rapier: bodies with hinges as constraints and velocity motors, in single precision.
 
 Its contact at one point resists no spin; we apply a torque against spin instead. The hinges are
-impulse joints: a multibody rounds every hinge angle as it grows (docs/engines.md).
+impulse joints: a multibody rounds hinge angles more as they grow (docs/engines.md).
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class _RapierWorld(adapter.ServoWorld):
         self.set_gravity(scene.gravity_at(0.0))
         options = world.integration_parameters
         options.dt = step
-        # A moving floor's contact is as hard as that of a floor at rest, not half as hard.
+        # Make a moving floor's contact as hard as the contact of a floor at rest, not half as hard.
         options.contact_softness = options.static_contact_softness
         if settings.substeps is not None:
             options.num_solver_iterations = settings.substeps
@@ -136,9 +136,9 @@ def _attitude(body: Any) -> Array:
 _AS_IT_COMES = _RapierSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1 / 60, spin_part=0.0
 )
-# The ball needs a friction of 1.2. By default Rapier would limit the rotor to 45° per step. With
-# substeps longer than 50 µs the first-order error grows, with shorter ones rounding does
-# (docs/findings/rapier_gyroscopic.py).
+# The ball needs a friction of 1.2. By default Rapier would limit the rotor to 45° per step. If
+# substeps are longer than 50 µs, the first-order error grows; if they are shorter, rounding errors
+# grow (docs/findings/rapier_gyroscopic.py).
 _BEST = _RapierSettings(
     name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, friction=20.0,
     substeps=20, gain=1e9, by_force=True, fast_rotation=True,

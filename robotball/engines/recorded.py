@@ -23,20 +23,20 @@ from robotball.robot.loads import Loads, loads_of
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, angle_between, conjugate, continuous, rotation_matrix
 
-# Odd, for equal numbers of neighbours on both sides.
+# Odd numbers, so that a sample has equally many neighbours on both sides.
 _POINTS = 7  # samples per polynomial; 5 for the error estimate
-_NOISE = 2.5  # factor on the largest noise near a sample, which may be worse at the sample itself
+_NOISE = 2.5  # factor on the largest noise near a sample; noise at the sample may be larger
 _COLOUR = "#56B4E9"  # for a file that does not name its engine
-_LARGEST_TURN = np.pi / 2  # rad between samples; beyond, the direction of rotation is uncertain
+_LARGEST_TURN = np.pi / 2  # rad between samples; above, the direction of rotation is uncertain
 
 
 def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
     """Return d/dt (n, k) of values (n, k) at increasing times (n,), and its estimated error (n,).
 
     The rate is the slope of the polynomial through 7 neighbours. The error is the sum of two terms,
-    each the largest near the sample: the difference to the slope through 5 neighbours, which bounds
-    the truncation error, and the effect of noise, estimated from the residual of the 7 samples
-    from polynomials of degree 5.
+    and each term is its largest value near the sample. The first term is the difference from the
+    slope through 5 neighbours; it bounds the truncation error. The second term is the effect of
+    noise, estimated from the residual of a polynomial of degree 5 through the 7 samples.
     """
     fine, noise = _slopes(times, values, _POINTS)
     coarse, _ = _slopes(times, values, _POINTS - 2)
@@ -82,7 +82,7 @@ def _slopes_at(
     u = (t - times[samples, None]) / scale
     gaps = u[:, :, None] - u[:, None, :]
     gaps[:, range(points), range(points)] = 1.0
-    difference = 1 / gaps.prod(axis=2)  # weights of the highest divided difference, but for scale
+    difference = 1 / gaps.prod(axis=2)  # weights of the highest divided difference, up to a factor
     there = -u
     there[rows, node] = 1.0
     weights = difference / difference[rows, node][:, None] / there
@@ -96,7 +96,7 @@ def _slopes_at(
 
 
 def _largest_near(error: Array, count: int) -> Array:
-    """Return the largest error near each sample: at a single one, its two terms may cancel."""
+    """Return the largest error near each sample: a single one may be small by chance."""
     padded = np.pad(error, count // 2, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, count // 2 * 2 + 1)
     return np.asarray(windows.max(axis=1))
@@ -107,9 +107,9 @@ class RecordedMotion(Motion):
     """Hold a motion from a file, with the slip and spin that its samples imply.
 
     It also has the attributes of `Motion`. Slip and spin come from the rate of the path and from
-    the shell's angular velocity. Errors are estimates for numerical rates, not the engine's errors;
-    they are 0 for quantities that the file contains. Without columns for it, a motor's hinge has
-    NaN for angle and rate.
+    the shell's angular velocity. Errors estimate how inexact rates computed from samples are, not
+    how inexact the engine is; they are 0 for quantities that the file contains. The angle and the
+    rate of a motor's hinge are NaN if the file has no columns for them.
 
     Attributes
     ----------
@@ -158,12 +158,13 @@ def load_motion(path: str | Path, scene: Scene | str | Path) -> Motion:
     path : str or Path
         A file that `Motion.save` wrote, or a trajectory of any simulator as CSV, NPZ or Parquet.
     scene : Scene, str or Path
-        The scene that the file is a motion of, its name or its file.
+        The scene of the motion, its name or its file.
 
     Returns
     -------
     Motion
-        A saved motion, to the last bit. For any other trajectory a RecordedMotion, from `recorded`.
+        The saved motion, equal to the last bit. For any other trajectory a RecordedMotion, which
+        `recorded` makes.
 
     Raises
     ------
@@ -206,14 +207,14 @@ def recorded(scene: Scene | str | Path, trajectory: Trajectory) -> RecordedMotio
     Parameters
     ----------
     scene : Scene, str or Path
-        The scene that the trajectory is a motion of, its name or its file.
+        The scene of the trajectory, its name or its file.
     trajectory : Trajectory
         The trajectory, as `read_trajectory` returns it.
 
     Returns
     -------
     RecordedMotion
-        The motion, with estimated errors of the numerical rates.
+        The motion, with estimated errors of the rates that are computed from samples.
 
     Raises
     ------

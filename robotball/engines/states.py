@@ -1,7 +1,7 @@
-"""The ball as engines of other packages see it: its links, its states and their readings.
+"""The ball for engines of other packages: its links, its states and their readings.
 
 At the start, with hinges at zero, all links have the ball's axes. The shell is the root: the
-Jacobian of a contact on the root body has no drift term, which engines omit
+Jacobian of a contact on the root body has no drift term, and engines omit this term
 (docs/findings/mujoco_frame_root.py).
 """
 
@@ -19,7 +19,7 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 
 _UP = np.array([0.0, 0.0, 1.0])
-UNKNOWN_FORCE = np.full(3, np.nan)  # from an engine that does not report it
+UNKNOWN_FORCE = np.full(3, np.nan)  # for an engine that does not report the force
 _TOGETHER = 64  # balls whose readings are computed together
 _LIFTED = 0.01  # radii above the plane at which the shell counts as lifted off
 
@@ -78,7 +78,7 @@ class State:
     omega : (3,), rad/s, world
         Angular velocity of the shell.
     angles, rates : (h,), rad and rad/s
-        Of the frame's hinge first, then of the rotors' hinges.
+        Of the frame's hinge first, then of the rotors' hinges in order.
     """
 
     centre: Array
@@ -101,7 +101,7 @@ def _state_of_rows(rows: Array) -> State:
 
 
 def start_state(scene: Scene) -> State:
-    """Return the initial state of the scene, which rolls but for the slip that the scene gives."""
+    """Return the initial state of the scene, which rolls or has the scene's slip."""
     return State(*(part[0] for part in vars(start_states([scene])).values()))
 
 
@@ -132,8 +132,8 @@ def readings_of(
 ) -> Readings:
     """Return the readings of State rows (n, 13 + 2h) at times (n,) [s].
 
-    forces (n, 3) N, world: of the plane on the shell; friction: the contact's coefficient. Both are
-    NaN if unknown.
+    forces (n, 3) [N]: the plane's forces on the shell in world axes. friction: the contact's
+    coefficient. Unknown values are NaN.
     """
     state = _state_of_rows(rows)
     size = np.abs(np.concatenate([state.centre, state.velocity, state.omega], axis=1)).max(1)
@@ -211,7 +211,7 @@ def motions_of(
         some = rows[i : i + _TOGETHER]
         at = np.tile(times[:k], len(some))
         pushed = np.tile(np.broadcast_to(forces, (k, 3)), (len(some), 1))
-        # A diverging ball overflows here before the recording cuts it off.
+        # The numbers of a diverging ball overflow here, before the recording ends.
         with np.errstate(all="ignore"):
             read = readings_of(scenes[i], at, np.concatenate(some), pushed, friction)
             arrays = [*arrays_of(read)]

@@ -1,7 +1,7 @@
 """Uncertainty of fitted numbers, and how well the fitted motions explain the logs.
 
-Standard deviations come from the linearised residuals; large ones are checked against χ² itself.
-Undetermined combinations are the directions in which the unknowns can move far.
+Standard deviations come from the linearised residuals; large standard deviations are checked
+against χ² itself. Undetermined combinations are the directions in which the unknowns can move far.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,14 +26,15 @@ _DOUBT = 1e-3  # probability below which chance is not accepted as an explanatio
 _UNKNOWN = 0.5  # of an unknown's size: standard deviation above which it is not determined
 _CURVED = 0.02  # of an unknown's size: deviation above which nonlinearity is checked
 _FAR, _RISE = 3.0, 4.0  # deviations, and the rise of χ² that is required within them
-_UNLIMITED = 100.0  # of its size: increase of a friction, which then is not reached
+_UNLIMITED = 100.0  # of its size: increase of a friction, so that no motion reaches it
 _AT_LIMIT = 1e-3  # of an unknown's size: distance that counts as being at a limit
 _MOVES = 0.01  # of an unknown's size: change by the next step that is reported
-# Reasons that are fitted, trials of each, and their ftol; with 1e-2 rounding decides what is found.
+# Number of reasons that are fitted, trials of each reason, and ftol of a trial. With an ftol of
+# 1e-2 rounding decides the result.
 _TRIED, _TRIALS, _GAIN = 5, 30, 1e-4
 _LARGEST = 100.0  # of a plausible amount: largest amount that is a reason
 _REMAINS = 0.1  # of χ² above its mean: largest part that a reason may leave
-_PROMISES = 0.5  # the same, of the linearised fit
+_PROMISES = 0.5  # the same for the linearised fit
 _SHARE = 0.15  # of a direction's largest component: smaller components are ignored
 SHOWN = 3.5  # deviations from 0 above which the readings show a circumstance
 _EXCLUDED = 2.0  # deviations above the best amount that the readings do not exclude
@@ -56,9 +57,9 @@ class Estimate:
     began : float
         The initial value of the fit.
     unit : str
-        The unit of these three.
+        The unit of the value, the deviation and the initial value.
     determined : bool
-        Whether the logs constrain it.
+        Whether the logs constrain the number.
 
     Examples
     --------
@@ -135,10 +136,10 @@ def strays(sensors: Sequence[SensorFit]) -> list[SensorFit]:
 def estimates_at(
     residuals: Residuals, x: Array, J: Array, complete: bool
 ) -> tuple[list[Estimate], Array, list[str]]:
-    """Return the estimates, their covariance in units of their sizes, and what is undetermined.
+    """Return the estimates, their covariance in units of their sizes, and undetermined unknowns.
 
-    x (p,), J (n, p): the solution and the derivative of the residuals there; complete: whether it
-    is a minimum of χ².
+    x (p,), J (n, p): the solution and the derivative of the residuals there; complete: whether x is
+    a minimum of χ².
     """
     ended = residuals.ended(residuals.values(x))
     slopes = residuals.slopes(x, ended)
@@ -178,10 +179,11 @@ def _widened(
 ) -> Array:
     """Return the covariance (p, p) with deviations enlarged until χ² itself confirms them.
 
-    A product such as a gain times a start rate may be fitted to pure noise, and then constrain the
-    gain as well as noise makes the rate large. Without that rate any gain explains the logs almost
-    as well, so χ² soon stops rising. A deviation is therefore doubled until three of it raise χ² by
-    4, in the direction away from 0, where χ² is flatter.
+    A product, such as a gain times a start rate, may be fitted to pure noise. If noise makes the
+    start rate large, the product seems to constrain the gain. With a start rate of 0, however, any
+    gain explains the logs almost as well, so χ² soon stops rising as the gain changes. A deviation
+    is therefore doubled until a change of three deviations raises χ² by 4. The change is away from
+    0, because χ² is flatter there.
 
     slopes (p, p): derivative of the values by x, in units of the values' sizes.
     """
@@ -245,9 +247,10 @@ def influences(
 ) -> Iterator[str]:
     """Yield a line for each circumstance that was not freed and may have biased an estimate.
 
-    Each circumstance is added separately to the linearised fit. This gives its amount with a
-    deviation, and the change of each estimate. It is reported if a plausible amount that the
-    readings do not exclude changes an estimate by more than its deviation.
+    Each circumstance is added separately to the linearised fit. This gives the amount of the
+    circumstance, its deviation, and the change of each estimate. A circumstance is reported if a
+    plausible amount that the readings do not exclude changes an estimate by more than the
+    estimate's deviation.
 
     x, J: as in `estimates_at`; estimates: of the scene's numbers.
     """
@@ -295,10 +298,11 @@ def influences(
 
 
 def reason(residuals: Residuals, x: Array, J: Array, stray: SensorFit) -> str:
-    """Return the most probable reason for which a fit does not explain its logs.
+    """Return the most probable reason why a fit does not explain its logs.
 
-    The amounts of each candidate are added to the linearised fit (Rao's score test). Those that
-    promise the least χ² are fitted, until one explains the logs. stray: the least explained sensor.
+    The amounts of each candidate are added to the linearised fit (Rao's score test). The candidates
+    that promise the least χ² are then fitted, until one explains the logs. stray: the least
+    explained sensor.
     """
     left, slope = residuals(x), np.concatenate([J, NO_EVIDENCE * np.eye(len(x))])
     before, count, tried = chi2_of(left), len(left), []
@@ -462,7 +466,7 @@ def _since(times: Array, weighed: Array) -> float:
 
 
 def contradicting(logs: Sequence[Log], astray: Sequence[SensorFit]) -> Iterator[str]:
-    """Yield a line for each pair of contradictory sensors of a log, at least one of them astray."""
+    """Yield a line for each pair of contradictory sensors of a log, at least one unexplained."""
     names = {(sensor.log, sensor.name) for sensor in astray}
     for log in logs:
         for *pair, axes in contradictions({sensor.name: sensor for sensor in log.sensors}):

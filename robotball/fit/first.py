@@ -1,7 +1,7 @@
 """First values of a fit, from the readings: the initial state, the world's axes and a resistance.
 
-A local polynomial of the track gives the speed, its direction and its rate of change. A scene whose
-own start or resistance is far off is therefore fitted as quickly as a good one.
+A local polynomial of the track gives the speed, its direction and its rate of change. A scene with
+a bad start or resistance is therefore fitted as quickly as a good scene.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,14 +18,14 @@ from robotball.robot.scene import Scene, Start
 from robotball.rotations import Array, multiply, rotation_matrix, turned
 
 _SMALLEST = 1e-7  # of a sensor's readings: least noise, above the errors of equations and engines
-_SMOOTH = 4.0  # mean squared residual over the noise up to which a track is a parabola
+_SMOOTH = 4.0  # largest mean of (residual/noise)² for which a track is a parabola
 
 
 def track_of(sensor: Sensor, noise: float) -> tuple[Array, float]:
-    """Return the place, velocity and acceleration (3, 2) of a track at t = 0, and the velocity's ±.
+    """Return position, velocity and acceleration (3, 2) of a track at t = 0, and the velocity's ±.
 
-    They belong to a parabola through the longest first part of the track that is one, of twice 5,
-    4 times 5, … readings. A track that begins long after t = 0 is taken to begin there.
+    They belong to a parabola through the longest first part of the track that is a parabola, with
+    10, 20, … readings. A track that begins long after t = 0 is treated as if it began at t = 0.
     """
     t, values = sensor.times, sensor.values[:, :2]
     count, best = min(FIRST, len(t)), None
@@ -132,7 +132,7 @@ def _first_slip(scene: Scene, log: Log, noise: Mapping[str, float], omega: Array
         return None
     t = place.times[:FIRST] - place.times[:FIRST].mean()
     velocity = t @ place.values[:FIRST, :2] / (t @ t)
-    # The attitude in the middle of these readings, as a fast ball turns during them.
+    # The attitude in the middle of these readings, because a fast ball turns during them.
     attitudes = [s.values[FIRST // 2] for s in log.sensors if s.name == "attitude"]
     to_world = rotation_matrix(attitudes[0]) if attitudes else scene.start.to_world
     shell = omega - scene.hinges[0].rate * scene.ball.shell.axis

@@ -1,7 +1,7 @@
 """Fit the numbers of a scene, such as masses and gains, to logs of a robot's sensors.
 
 Least squares over the unknowns of `residuals`; `evidence` evaluates the minimum. A fit starts with
-the first part of each motion, because a wrong guess soon loses phase with the log.
+the first part of each motion, because with a wrong guess a motion soon loses phase with the log.
 """
 
 import time
@@ -36,15 +36,16 @@ from robotball.rotations import Array
 
 _Solve = Callable[[Sequence[FittedLog]], tuple[Array, Residuals, Array, bool]]
 
-_PARTS = (0.15, 0.4, 1.0)  # of the logs, fitted one after the other
-_PRIOR = 1.0  # of an unknown's size: its deviation, without evidence, while fitting part of a log
+_PARTS = (0.15, 0.4, 1.0)  # of the logs; these parts are fitted one after the other
+_PRIOR = 1.0  # of an unknown's size: prior standard deviation while fitting part of a log
 _HARDLY = 1e-2  # per size: weak prior for unknowns of a start that have no effect
 _NO_GAIN = 0.1  # decrease of χ² at which the fit stops; the last steps do the rest
 _ROUGHLY = 1e-2  # relative decrease of χ² at which a part of the logs is finished
 # Last steps, which use central differences, and the fractions of a step that are tried. The fit has
-# converged if none lowers χ² by more than _SHORT.
+# converged if no fraction lowers χ² by more than _SHORT.
 _LAST_STEPS, _FRACTIONS, _SHORT = 3, (1.0, 0.25, 0.06), 1.0
-# The need over a friction that is reached, and over a lower friction that is tried.
+# The needed friction divided by the friction: below _REACHED the friction has no effect, and a
+# lower friction with the ratio 1/_LOWERED is tried.
 _REACHED, _LOWERED = 0.999, 0.9
 _MOST_TRIALS = 40  # per part of the logs, so that a hopeless fit ends within seconds
 
@@ -62,30 +63,30 @@ class Fit(Value):
     found : tuple of Estimate
         The numbers of the scene.
     of_logs : tuple of Estimate
-        The freed circumstances.
+        The fitted circumstances of the logs.
     correlations : (p, p)
         The correlations of the numbers of the scene.
     chi2, degrees : float, int
-        The sum of squared residuals over the noise, and the degrees of freedom.
+        The sum of (residual / noise)², and the degrees of freedom.
     probability : float
-        The probability of a sum at least as large, if the model is right. A noise that is estimated
-        from the readings makes the distribution wider.
+        The probability of a χ² at least as large, if the model is right. If noise is estimated from
+        the readings, the distribution is wider.
     sensors : tuple of SensorFit
         Each sensor of each fitted log.
     held_out : tuple of SensorFit
         Each sensor of the held-out log.
     undetermined : tuple of str
-        What the logs do not constrain, a line each.
+        Quantities that the logs do not constrain, one line each.
     contradictions : tuple of str
-        Pairs of sensors that contradict each other with any model, a line each.
+        Pairs of sensors that contradict each other with any model, one line each.
     at_limits : tuple of str
-        Numbers that ended at a limit, a line each.
+        Numbers that ended at a limit, one line each.
     reason : str
         The most probable reason why the model does not explain the fitted logs; "" if it does.
     influences : tuple of str
-        Circumstances that were not freed and may have biased a number, a line each.
+        Circumstances that were not fitted and may have biased a number, one line each.
     moving : tuple of str
-        Numbers that the next step would change, a line each, if the fit did not converge.
+        If the fit did not converge, the numbers that the next step would change, one line each.
     complete : bool
         Whether the fit converged to a minimum of χ².
 
@@ -150,21 +151,23 @@ def fit(
     logs : Log, str, Path or sequence of these
         One or more logs: files, or logs from `read_log`.
     free : sequence of str
-        The numbers to fit, by their paths in the scene file or the last words of these, such as
-        "battery.mass"; with limits as in "frame.kv=0.1:0.8". "frame.inertia" and
-        "pendulum1.inertia" stand for a body's mass, centre and inertia, instead of its parts.
+        The numbers to fit. Each is given by its path in the scene file or by the last words of this
+        path, such as "battery.mass". Limits are given as in "frame.kv=0.1:0.8". "frame.inertia" and
+        "pendulum1.inertia" stand for the mass, centre and inertia of the whole body, instead of the
+        numbers of its parts.
     circumstances : sequence of str, optional
         Quantities to fit for each log, such as "world.yaw", "world.origin", "position.marker",
         "gyro.bias", "accelerometer.place", "commands.delay", "attitude.clock", "frame_angle.zero".
     noise : mapping of str to float, optional
-        The standard deviation of each sensor's readings, in their unit. By default estimated from
-        the readings.
+        The standard deviation of each sensor's readings, in the unit of the readings. The default
+        is estimated from the readings.
     patience : float, default inf
-        Time for the search [s]. Then the best values so far are returned.
+        The longest time for the search [s]. After this time the best values so far are returned.
     hold_out : int, optional
         The index of a log that is not fitted, but used to test the fit of the others.
     progress : callable, optional
-        Called with the fraction of the logs that is fitted and χ² over the degrees of freedom.
+        Called with the fraction of the logs that is fitted, and with χ² divided by the degrees of
+        freedom.
 
     Returns
     -------
@@ -210,7 +213,7 @@ def fit(
     sensors = [*evidence.sensor_fits(residuals, x, len(x) / len(left))]
     held_out: list[SensorFit] = []
     if hold_out is not None:
-        # For the held-out log only its initial state is fitted.
+        # For the held-out log only the initial state is fitted.
         fixed = {estimate.name: estimate.value for estimate in found}
         y, others, *_ = solve([], [sensed[hold_out]], fixed=fixed)
         held_out = [*evidence.sensor_fits(others, y, len(y) / len(others(y)))]
@@ -298,7 +301,8 @@ def _solved(
             # The shorter part may have led to a motion that ends early.
             x = _possible(residuals, x, begin)
             count = len(residuals(x))
-            # A part of the logs may hardly constrain an unknown, which must not run away.
+            # A part of the logs may hardly constrain an unknown; the prior keeps it near its last
+            # value.
             prior = np.where(of_scene_, 1 / _PRIOR if part < 1 else NO_EVIDENCE, _HARDLY)
             with_prior = partial(_with_prior, residuals=residuals, prior=prior, begin=begin)
             # A trial may lead to an impossible body.
@@ -337,7 +341,7 @@ def _solved(
 
 
 def _with_resistance(residuals: Residuals, x: Array, low: Array, high: Array) -> Array:
-    """Return x with the rolling friction that the tracks show, if it explains the logs better."""
+    """Return x with the rolling friction that the tracks show, if this explains the logs better."""
     rolling = "friction.rolling"
     shown = [log.first[rolling] for log in residuals.logs if rolling in log.first]
     if not shown:
@@ -358,7 +362,7 @@ def _jacobian_with_prior(x: Array, residuals: Residuals, prior: Array) -> Array:
 
 
 def _possible(residuals: Residuals, x: Array, begin: Array) -> Array:
-    """Return x, or `begin` if x has no motion. Raises InputError with the cause if neither has."""
+    """Return x, or `begin` if x has no motion. Raises InputError if neither has one."""
     for trial in (x, begin):
         if np.isfinite(residuals(trial)).all():
             return trial
@@ -368,7 +372,7 @@ def _possible(residuals: Residuals, x: Array, begin: Array) -> Array:
             try:
                 by_equations(residuals.scene(k, residuals.values(begin)), times)
             except InputError as error:
-                by_equations(residuals.numbers.scene({}), times)  # the scene alone may have none
+                by_equations(residuals.numbers.scene({}), times)  # may itself have no motion
                 cause, *_ = str(error).split(";")  # without its remedy
                 raise InputError(
                     "the log does not fit this robot: from the initial state that its first "

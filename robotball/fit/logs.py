@@ -41,7 +41,7 @@ _SENSORS = {
 _OF_HINGES = ("angle", "rate", "torque")
 _COMMAND = "command"
 _G = 9.80665  # m/s²
-# By the last word of a sensor's name.
+# The key is the last word of a sensor's name.
 _UNITS: dict[str, Units] = {
     "position": LENGTHS,
     "attitude": {"1": 1.0},
@@ -52,9 +52,10 @@ _UNITS: dict[str, Units] = {
     "torque": {"N m": 1.0, "Nm": 1.0, "N*m": 1.0, "N·m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
 }
 _COMMANDS: Units = dict.fromkeys(VALUES, 1.0)  # units that need no conversion
-# Largest readings that are plausible without a unit, 4000 deg/s and 40 g; their unit, another unit.
+# Largest readings that are plausible if no unit is given, 4000 deg/s and 40 g; the assumed unit;
+# another possible unit.
 _MOST = {"gyro": (70.0, "rad/s", "deg/s"), "accelerometer": (400.0, "m/s²", "g")}
-_FEWEST = 4  # readings of a sensor; estimating its noise takes more
+_FEWEST = 4  # readings of a sensor; to estimate its noise takes more
 _SPARSEST = 30.0  # largest mean interval of readings, in units of √(radius/gravity)
 
 
@@ -96,9 +97,9 @@ class Log(Value):
     sensors : tuple of Sensor
         The sensors in the file, each with its own times.
     commands : mapping of str to (times (n,), values (n,))
-        The commands of motors by hinge name, each held until the next.
+        The commands of motors by hinge name. Each command is held until the next one.
     notes : tuple of str
-        One line for each interpretation made while reading, such as of a unit.
+        One line for each assumption made while reading, such as the unit of a column.
 
     Examples
     --------
@@ -128,13 +129,14 @@ def read_log(
     Parameters
     ----------
     path : str or Path
-        A CSV, NPZ, Parquet, JSON lines or MATLAB file or a ROS bag, with times and any sensors.
+        A CSV, NPZ, Parquet, JSON lines or MATLAB file or a ROS bag, with times and at least one
+        sensor.
     scene : Scene, str or Path
         The robot, for the names of its hinges: a scene, a catalog name, or the path of a TOML, MJCF
         or URDF file.
     names : mapping of str to str, optional
-        The name of each column, with its title in the file or the end of it as key, such as
-        {"roll_joint.position": "frame_angle [deg]"}.
+        A mapping from a column's title in the file, or the end of this title, to the column's name,
+        such as {"roll_joint.position": "frame_angle [deg]"}.
 
     Returns
     -------
@@ -162,7 +164,7 @@ def read_log(
 
 
 def logs_of(logs: Log | str | Path | Sequence[Log | str | Path], scene: Scene) -> list[Log]:
-    """Return one or several logs, after reading the files among them."""
+    """Return a list of logs. Reads the logs that are given as files."""
     several = [logs] if isinstance(logs, Log | str | Path) else logs
     return [log if isinstance(log, Log) else read_log(log, scene) for log in several]
 
@@ -228,9 +230,9 @@ def _log_of(table: Table, name: str, scene: Scene, names: Mapping[str, str]) -> 
 def _check_unit(
     found: Recognized, names: tuple[str, ...], most: float, unit: str, other: str, scene: Scene
 ) -> list[str]:
-    """Convert accelerations in g, which then have a note.
+    """Convert accelerations in g to m/s², and add a note.
 
-    Raises InputError for readings without a unit that no sensor has, such as raw counts.
+    Raises InputError if readings without a unit are too large for a sensor, such as raw counts.
     """
     values = np.array([found.columns[name] for name in names])
     values = values[:, np.isfinite(values).all(axis=0)]

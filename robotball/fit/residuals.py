@@ -1,8 +1,8 @@
 """Unknowns of a fit, and the residuals between logs and simulated motions.
 
-The unknowns are numbers of the scene, shared by the logs, and for each log the initial state of its
-motion and circumstances such as a gyro bias. Residuals are (reading - model)/noise; derivatives
-are finite differences.
+The unknowns are numbers of the scene, which the logs share, and for each log the initial state of
+its motion and circumstances, such as a gyro bias. Residuals are (reading - model)/noise;
+derivatives are finite differences.
 """
 
 import time
@@ -28,17 +28,19 @@ from robotball.rotations import Array, turned
 Change = Callable[[Scene, float], Scene]
 ADDED = "added"  # an unknown that changes the scene
 FIRST = 5  # readings, whose median gives the initial state
-# Tolerance of the equations. On five robots over 3 to 10 s, readings are off by at most 5e-8 of the
-# largest one; with 1e-9 by 2e-4, because they are interpolated within long steps.
+# Tolerance of the equations. On five robots over 3 to 10 s, the error of readings is at most 5e-8
+# of the largest reading. With 1e-9 the error is 2e-4, because readings are interpolated within long
+# steps.
 _RTOL = 1e-11
 _MOST_STEPS = 1_500  # per second; catalog scenes take below 400, and wild trials are given up early
-_MOST_ROUGH_STEPS = 500  # of neighbours together, which take many if they slip differently
+_MOST_ROUGH_STEPS = 500  # for neighbours together, which take many if they slip differently
 _DIFFERENCE = 1e-3  # of an unknown's size, for finite differences
-# Difference and tolerance if the equations integrate neighbours with the same steps: their errors
-# are almost equal, and a derivative is off by 1e-4 of itself.
+# Difference and tolerance if the equations integrate neighbours with the same steps: the errors of
+# neighbours are almost equal, and the relative error of a derivative is 1e-4.
 _SMALL, _ROUGH_RTOL = 1e-6, 1e-7
 # The difference if the shell may slip. The slip velocities of neighbours must be almost equal when
-# the slip ends, at `friction._STOPPED`. A derivative is off by 1e-4 of itself, too, by rounding.
+# the slip ends, at `friction._STOPPED`. The relative error of a derivative is 1e-4, too, because of
+# rounding.
 _SMALL_OF_SLIPS = 1e-9
 _LEAST = 1e-12  # of its initial value: lower limit of a positive number
 _POSITIVE = {"mass", "density", "radius", "kv", "kp", "gravity", "rolling", "sliding", "torsional"}
@@ -78,7 +80,7 @@ class Unknown:
 
     @property
     def of_friction(self) -> bool:
-        """Whether it is a limit of the friction, without effect unless a motion reaches it."""
+        """Whether it is a limit of friction, which has no effect unless a motion reaches it."""
         return self.name in ("friction.sliding", "friction.torsional")
 
     @property
@@ -190,7 +192,7 @@ def _of_body(numbers: Numbers, name: str, radius: float) -> Iterator[Unknown]:
 
 
 def _other_inertia(numbers: Array, x: Array) -> Array:
-    """Return the mass, centre and moments (10,) of the body at coordinates x (10,); x = 0 is first.
+    """Return a body's mass, centre and moments (10,) at coordinates x (10,); x = 0: unchanged.
 
     The pseudo-inertia ∫(r, 1)(r, 1)ᵀdm is positive definite iff the body is physical. Coordinates
     describe its Cholesky factor relative to the initial one, with the logarithm of the diagonal
@@ -252,8 +254,8 @@ def of_circumstance(fitted: FittedLog, at: int, name: str) -> Iterator[Unknown]:
 class Residuals:
     """Residuals of logs as a function of the unknowns x (p,), in units of their sizes.
 
-    fixed: further numbers of the scene that differ from its file; deadline: on the monotonic clock
-    [s], after which a motion raises TimeoutError. `best` is the least χ² so far, with its x.
+    fixed: further numbers of the scene that differ from its file. deadline: time on the monotonic
+    clock [s] after which a motion raises TimeoutError. `best`: the least χ² so far, with its x.
     """
 
     def __init__(
@@ -373,7 +375,7 @@ class Residuals:
         return [apart(s, motion, r, circumstances) for s, r in zip(sensors, rows, strict=True)]
 
     def needs(self, x: Array, sticking: bool = False) -> dict[int, float]:
-        """Return the largest need of the motions for each free limit of friction, by its index.
+        """Return the largest needed friction for each free limit of friction, by its index.
 
         sticking: leave out the times at which a shell slips.
         """
@@ -401,7 +403,7 @@ class Residuals:
         return np.concatenate([(left / noise).ravel() for left, noise in pairs])
 
     def _by_motion(self, k: int, at: tuple[float, ...]) -> dict[int, Array]:
-        """Return the derivatives (n,) of a log's residuals by unknowns that affect its motion."""
+        """Return derivatives (n,) of a log's residuals with respect to unknowns of its motion."""
         from robotball.theory.multibody.integration import integrate_together  # loads numba
 
         x = np.array(at)
@@ -435,7 +437,7 @@ class Residuals:
         }
 
     def __call__(self, x: Array) -> Array:
-        """Return the residuals (n,) over their noise; inf without a motion."""
+        """Return the residuals (n,) divided by their noise; inf without a motion."""
         left = np.concatenate([self._part(k, x) for k in range(len(self.logs))])
         with np.errstate(over="ignore"):
             self.best = min(self.best, (float(left @ left), x.copy()), key=lambda pair: pair[0])
@@ -467,7 +469,7 @@ class Residuals:
     def with_unknowns(self, others: Sequence[Unknown], change: Change | None) -> "Residuals":
         """Return the residuals with further unknowns after the others.
 
-        change: of the scene, by the value of an unknown `ADDED`.
+        change: the change of the scene for the value of an unknown `ADDED`.
         """
         unknowns = [*self.unknowns, *others]
         wider = Residuals(self.numbers, unknowns, self.logs, self.fixed, self.deadline)
@@ -475,7 +477,7 @@ class Residuals:
         return wider
 
     def of_others(self, x: Array, others: Sequence[Unknown], change: Change | None = None) -> Array:
-        """Return the derivative (n, m) of the residuals by unknowns that are not fitted."""
+        """Return the derivative (n, m) of the residuals with respect to other unknowns."""
         wider = self.with_unknowns(others, change)
         derivative = np.zeros((sum(log.count for log in self.logs), len(others)))
         ends = np.cumsum([0, *(log.count for log in self.logs)])
@@ -488,12 +490,12 @@ class Residuals:
 
 
 def _state_of(scene: Scene) -> tuple[object, ...]:
-    """Return what must be alike in scenes whose motions are integrated together."""
+    """Return the features that scenes must share if their motions are integrated together."""
     return scene.breakpoints, scene.plane_is_still, scene.contact_moves
 
 
 def held(times: Array, values: Array) -> HeldCommand:
-    """Return a log's commands as a drive that holds each command until the next."""
+    """Return a log's commands as a drive that holds each command until the next one."""
     changes = np.flatnonzero(np.diff(values)) + 1
     command = HeldCommand(Constant(float(values[0])))
     for t, value in zip(times[changes].tolist(), values[changes].tolist(), strict=True):
@@ -505,6 +507,6 @@ def held(times: Array, values: Array) -> HeldCommand:
 def by_equations(scene: Scene, times: Array) -> Motion:
     """Return the motion of a scene at times (n,) [s], with the accuracy that a fit needs.
 
-    Raises InputError if `integrate` does, and if the motion takes too many steps.
+    Raises InputError if `integrate` raises it, and if the motion takes too many steps.
     """
     return integrate(scene, times, _RTOL, int(_MOST_STEPS * (1 + times[-1])))

@@ -1,6 +1,6 @@
 """Numbers of a scene by path, such as "frame.part.battery.mass" or "friction.rolling".
 
-Numbers of a scene file are kept as the file has them, with its parts; numbers of another scene are
+Numbers of a scene file are kept unchanged, with the file's parts. Numbers of another scene are
 taken from the text of `toml_of`. `robot_numbers` does the same for a robot's model file.
 """
 
@@ -60,7 +60,7 @@ class _SceneNumbers(Numbers):
         return text_of(_as_table(tables))
 
     def with_whole(self, names: Sequence[str]) -> "_SceneNumbers":
-        """Return the numbers with mass, centre and inertia of some bodies instead of their parts.
+        """Return the numbers, with mass, centre and inertia of some bodies in place of their parts.
 
         Raises InputError for the shell and rotors, whose inertia is symmetric.
         """

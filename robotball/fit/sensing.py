@@ -1,7 +1,7 @@
-"""Model of a robot's sensors: what they read in a motion, compared with a log's readings.
+"""Model of a robot's sensors: their readings in a motion, compared with a log's readings.
 
 The model includes circumstances of a real log, such as a late clock, a rotated motion-capture frame
-or a gyro bias. Each is 0 unless it is freed.
+or a gyro bias. Each circumstance is 0 unless it is fitted.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -38,12 +38,12 @@ class _Circumstance:
     Attributes
     ----------
     count : int
-        How many numbers it has.
+        How many numbers the circumstance has.
     unit : str
-        Their unit.
+        The unit of these numbers.
     plausible : float
-        An amount to be expected in a careful log. If it is not freed, this much of it must not
-        change an estimate by more than its deviation.
+        An amount to be expected in a careful log. If the circumstance is not fitted, this amount
+        must not change an estimate by more than the estimate's deviation.
     """
 
     count: int
@@ -95,7 +95,7 @@ def is_of_readings(name: str) -> bool:
 def times_of(sensor: Sensor, amounts: Mapping[str, Array]) -> Array:
     """Return the times (n,) at which a sensor needs the motion; (3n,) for an accelerometer.
 
-    amounts: of the circumstances and the start, keyed by name, here and below.
+    amounts: numbers of the circumstances and the start, keyed by name, here and below.
     """
     at = np.abs(_read_at(sensor, amounts))
     if sensor.name != "accelerometer":
@@ -110,7 +110,7 @@ def _read_at(sensor: Sensor, amounts: Mapping[str, Array]) -> Array:
 
 
 def apart(sensor: Sensor, motion: Motion, rows: Rows, amounts: Mapping[str, Array]) -> Array:
-    """Return a sensor's readings minus the motion's (n, k); rotation vectors for an attitude.
+    """Return readings minus values of the motion (n, k); rotation vectors for an attitude.
 
     rows: samples of the motion at `times_of`.
     """

@@ -22,7 +22,7 @@ from robotball.motion import Motion
 from robotball.robot.scene import Scene, Times
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 
-_MARGIN = 1.5  # friction over the needed one: contacts of other engines must not slip at the peak
+_MARGIN = 1.5  # of the needed friction: contacts of other engines must not slip at the peak
 # URDF requires joint limits; these are too large to have an effect.
 _FASTEST, _STRONGEST, _FARTHEST = "1e6", "1e9", "1e6"
 
@@ -30,8 +30,8 @@ _FASTEST, _STRONGEST, _FARTHEST = "1e6", "1e9", "1e6"
 def scene_toml(scene: Scene | str | Path) -> str:
     """Write a scene as the text of a scene file.
 
-    `load_scene` reads the same scene from it, to the last bit. The name of the scene is the name of
-    the file, and is not in the text. Rotors stand before pendulums.
+    `load_scene` reads the same scene from this text, to the last bit. The text does not contain the
+    scene's name, because the name of the file is used. Rotors come before pendulums.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ def scene_toml(scene: Scene | str | Path) -> str:
     Raises
     ------
     InputError
-        If the scene has a rate by a function of time, links, actuators or a controller, which no
-        scene file can hold, or if `load_scene` raises it.
+        If the scene has links, actuators, a controller or a rate that is a function of time, which
+        a scene file cannot contain, or if `load_scene` raises it.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def export_scene(scene: Scene | str | Path, folder: str | Path, times: Times = N
         "model.urdf": _urdf(scene),
         "README.md": conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
     }
-    with contextlib.suppress(InputError):  # for a rate given as a function; drives.csv has it
+    with contextlib.suppress(InputError):  # a function fits only drives.csv
         texts["scene.toml"] = toml_of(scene)
     # Each file is written whole or not at all, even if the folder remains incomplete.
     for name, text in texts.items():
@@ -155,7 +155,7 @@ def _mjcf(motion: Motion) -> str:
         if not link.parent:
             # Not `freejoint`, which DART and PyBullet do not support.
             SubElement(body, "joint", name=link.name, type="free")
-            # Massless: the inertial above is the whole shell's.
+            # Massless: the inertial above is that of the whole shell.
             sphere = {"name": "sphere", "type": "sphere", "size": repr(float(scene.ball.radius))}
             SubElement(body, "geom", {**sphere, "mass": "0", **contact})
         else:
@@ -184,7 +184,8 @@ def _mjcf(motion: Motion) -> str:
 def _urdf(scene: Scene) -> str:
     """Return the URDF of a scene's ball, which has no plane, initial state, rates or friction."""
     root = Element("robot", name=scene.name)
-    # Otherwise MuJoCo would weld the shell to the world and drop its mass; others ignore this.
+    # Without this MuJoCo would weld the shell to the world and drop its mass. Other simulators
+    # ignore this.
     SubElement(SubElement(root, "mujoco"), "compiler", fusestatic="false")
     links = links_of(scene)
     for link in links:

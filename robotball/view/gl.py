@@ -46,7 +46,7 @@ def context(width: int, height: int, backend: str) -> Any:
 
 
 def advice() -> str:
-    """Return one line: that there is no off-screen GL, and how to get one."""
+    """Return one line: there is no off-screen OpenGL, and how to get it."""
     chosen = os.environ.get("MUJOCO_GL")
     platform_of_pyopengl = os.environ.get("PYOPENGL_PLATFORM")
     if chosen and platform_of_pyopengl not in (None, "", chosen):

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH = 480  # px, of the picture of a path in a cell
-_FLATTEST, _TALLEST = 0.5, 0.75  # limits of its height over its width
+_FLATTEST, _TALLEST = 0.5, 0.75  # limits of the picture's height divided by its width
 _SHARP = 2  # file pixels per page pixel, for high-resolution screens
 _SHOWN, _STEPS = 10.0, 4000  # longest path [s] and most steps: a cell must appear quickly
-# Other motors have the name of their class.
+# Motors of other classes are shown with the name of their class.
 _MOTORS = {"Servo": "velocity servo", "PositionServo": "position servo", "DCMotor": "DC motor"}
 
 
@@ -76,7 +76,7 @@ def cell(line: str, motions: Sequence[Motion], above: str = "") -> str:
     figure = _figure((_WIDTH / 100, _WIDTH * _TALLEST / 100))
     axes = figure.add_subplot()
     _draw_paths(axes, motions)
-    # A ball at rest has no width.
+    # The path of a ball at rest has no width.
     form = axes.dataLim.height / (axes.dataLim.width or 1.0)
     # The cell's height follows the path, within limits.
     figure.set_figheight(_WIDTH * float(np.clip(form, _FLATTEST, _TALLEST)) / 100)
@@ -178,7 +178,7 @@ def _png(figure: "Figure", scale: int = 1) -> bytes:
 
 def _draw_paths(axes: "Axes", motions: Sequence[Motion]) -> None:
     for i, (motion, style) in enumerate(_styled(motions)):
-        # The first is drawn wider, because motions that agree cover each other.
+        # The first line is wider, because motions that agree cover each other.
         wide = 5.0 if i == 0 and len(motions) > 1 else 1.8
         axes.plot(*motion.contact_point.T, linewidth=wide, **style)
         parts = slip_parts(slips_of(motion), motion.times)

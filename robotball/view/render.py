@@ -1,8 +1,8 @@
-"""Draw films: one or more rolling balls per frame, with their errors plotted below.
+"""Draw films: one or more rolling balls, with their errors plotted below.
 
-Each ball has its engine's colour, or a different one if an engine appears several times. The title,
-the time axis and the distances from the reference path are drawn once; only a cursor moves. Frames
-are encoded one by one, so memory use does not grow with the length of the film.
+Each ball has its engine's colour, or a different colour if an engine appears several times. The
+title, the time axis and the distances from the reference path are drawn once; only a cursor moves.
+Film frames are encoded one by one, so memory use does not grow with the length of the film.
 """
 
 import io
@@ -49,18 +49,18 @@ _LEAST_DISTANCE = 1e-17  # m, lower limit of the logarithmic plot
 _MANY = 100  # frames above which drawing in several processes is faster
 _SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
 _STEP = 0.02  # s, largest step of a drawn path, fine enough to hide its corners
-_BLUR_FROM, _BLUR_TO = 0.25, 0.75  # rad per frame: a rotor's marks fade out, as they would mislead
+_BLUR_FROM, _BLUR_TO = 0.25, 0.75  # rad per film frame: a rotor's marks fade out, as they mislead
 # Camera: (room on each side of a ball in radii, elevation in degrees).
 _CAMERAS = {"follow": (2.3, 24.0), "above": (2.9, 80.0), "whole": (1.7, 40.0)}
 _ASIDE = 0.6  # rad between the camera's position and the ball's heading
 _OTHER = 0.4  # opacity of the other balls' paths
 _SAME = 0.02  # radii, distance within which one ball hides another
 # Codec, rate factor and ffmpeg options by file suffix. The result depends on the number of threads,
-# so it is the same on every machine. The flag bitexact omits WebM's random identifier.
+# so this number is the same on every machine. The flag bitexact omits WebM's random identifier.
 _FORMATS: dict[str, tuple[str, int | None, str]] = {
     ".mp4": ("h264", 20, "-preset veryfast -threads 4"),
     ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1 -threads 4 -fflags +bitexact"),
-    # One palette per frame: for a common one, ffmpeg would buffer all frames.
+    # One palette per film frame: for a common palette, ffmpeg would buffer all film frames.
     ".gif": (
         "gif",
         None,
@@ -72,10 +72,10 @@ _Label = tuple[str, str, tuple[float, float]]  # text, colour, and pixel of its 
 
 
 class _Sheet:
-    """The frame around the pictures: fixed parts are drawn once, moving parts for each frame.
+    """The border around the pictures: fixed parts are drawn once, others for each film frame.
 
-    motions: the last one is the reference; note: line below the title; times (m,) [s] and apart
-    (n - 1, m) [m]: curves of the other motions. Attributes: `pane`, (height, width) of one picture
+    motions: the last one is the reference. note: line below the title. times (m,) [s] and apart (n
+    - 1, m) [m]: curves of the other motions. Attributes: `pane`, (height, width) of one picture
     [px]; `line`, height of a line of text [px].
     """
 
@@ -97,7 +97,7 @@ class _Sheet:
             ImageFont.truetype(str(_FONTS / f"DejaVuSans{kind}.ttf"), size * line)
             for kind, size in (("-Bold", 0.76), ("", _PLAIN))
         )
-        # Right of the curves. A single motion has no curve.
+        # The names stand right of the curves. A single motion has no curve.
         room = max(map(plain.getlength, names[:-1]), default=0.0) + 2 * _EDGE * line
         # Coordinates from the left and from the top, as in images.
         left, high = _LEFT * line, height - _HIGH * line
@@ -142,7 +142,7 @@ class _Sheet:
         self._still, self._end = np.asarray(image), end
 
     def frame(self, pictures: list[Pixels], labels: list[list[_Label]], t: float) -> Pixels:
-        """Return the frame (height, width, 3) at t [s] with pictures and the labels of each."""
+        """Return the film frame (height, width, 3) at t [s] with pictures and their labels."""
         whole, (height, width) = self._still.copy(), self.pane
         for picture, (y, x) in zip(pictures, self._corners, strict=True):
             whole[y : y + height, x : x + width] = picture
@@ -227,10 +227,10 @@ class Film:
         return self.ghost or self.camera == "whole"
 
     def times(self, motions: Sequence[Motion]) -> Array:
-        """Return the times (m,) of the frames [s], up to the end of the shortest motion.
+        """Return the times (m,) of the film frames [s], up to the end of the shortest motion.
 
-        There are at least two: a motion shorter than a frame is shown at its start and its end.
-        Raises InputError unless all motions have the same sample times.
+        There are at least two times: if a motion is shorter than one film frame, its start and its
+        end are shown. Raises InputError unless all motions have the same sample times.
         """
         shared = min(len(motion.times) for motion in motions)
         sampled = [motion.times[:shared] for motion in motions]
@@ -240,19 +240,19 @@ class Film:
                 + " and ".join(f"{len(motion.times)} samples" for motion in motions)
             )
         rate, end = self.fps * self.slow, float(motions[0].times[shared - 1])
-        # Rounding must not lose an end that falls on a frame.
+        # Rounding must not lose an end that falls on the time of a film frame.
         count = np.floor(end * rate * (1 + 1e-12)) + 1
         # The path and the time axis need two points.
         return np.arange(count) / rate if count > 1 else np.array([0.0, end])
 
 
 def frames(motions: Sequence[Motion], film: Film | None = None) -> Iterator[Pixels]:
-    """Yield the frames (height, width, 3) of a film.
+    """Yield the pictures (height, width, 3) of a film.
 
-    motions: one or more of one scene; the last of several is the reference. Raises InputError if
-    their sample times differ, and if there is no off-screen GL.
+    motions: one or more motions of one scene. If there are several, the last one is the reference.
+    Raises InputError if their sample times differ, and if there is no off-screen GL.
     """
-    # Not a generator itself, so that errors are raised here and not at the first frame.
+    # Not a generator itself, so that errors are raised here and not at the first picture.
     return _painted(_Painter(motions, film or Film()))
 
 
@@ -262,12 +262,12 @@ def _painted(painter: "_Painter") -> Iterator[Pixels]:
 
 
 class _Painter:
-    """Draw frames by number, with a separate OpenGL context in each process."""
+    """Draw film frames by number, with a separate OpenGL context in each process."""
 
     def __init__(self, motions: Sequence[Motion], film: Film) -> None:
         self.film, self.times, backend = film, film.times(motions), gl.find_backend()
         scene = motions[-1].scene
-        # The angle of the floor in each frame [rad].
+        # The angle of the floor in each film frame [rad].
         self.floor = scene.until(float(self.times[-1])).plane_turn.angle(self.times)
         if backend is None:
             raise InputError(gl.advice())
@@ -291,7 +291,8 @@ class _Painter:
         self.cameras = [_cameras(film, points[pane], width / height) for pane in self.panes]
 
     def __call__(self, k: int) -> Pixels:
-        # A context cannot be sent to another process: each process makes one for its first frame.
+        # A context cannot be sent to another process: each process makes one for its first film
+        # frame.
         if "_stage" not in vars(self):
             self._drawn(0)  # the first picture of a context may differ in the last bit
         return self._drawn(k)
@@ -367,10 +368,11 @@ def _notes(motions: Sequence[Motion], film: Film, looks: Looks) -> Iterator[str]
 
 
 def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
-    """Return the camera of each frame.
+    """Return the camera of each film frame.
 
-    paths (n, m, 2): of each ball in the picture, in radii; aspect: width over height. A single ball
-    comes towards the camera; several roll across the picture, where there is most room.
+    paths (n, m, 2): the path of each ball in the picture, in radii. aspect: width divided by
+    height. A single ball comes towards the camera. Several balls roll across the picture, because
+    it has most room in this direction.
     """
     room, degrees = _CAMERAS[film.camera]
     up = np.radians(degrees)
@@ -382,7 +384,7 @@ def _cameras(film: Film, paths: Array, aspect: float) -> list[Camera]:
     if film.camera == "whole":
         low[:], high[:] = low.min(axis=0), high.max(axis=0)
     across, deep = ((high - low) / 2).T
-    # Nearer objects look larger, so the camera keeps its distance from the depth of the scene.
+    # Nearer objects look larger, so the camera stays away by the depth of the scene too.
     far = deep * np.cos(up) + LENS * np.maximum(
         (across + room) / max(1.0, aspect), (deep * np.sin(up) + room) / max(1.0, 1 / aspect)
     )
@@ -398,24 +400,24 @@ def film(
     progress: Callable[[float], None] | None = None,
     **options: Any,
 ) -> Path:
-    """Write a video of one motion, or of several side by side.
+    """Write a video of one motion, or of several motions side by side.
 
-    The last of several motions is the one from which the distances of the others are shown, such as
-    the motion by the equations. The video ends with the shortest motion. An existing file is
-    replaced once the new one is complete.
+    If there are several motions, the last one is the reference, such as the motion from the
+    equations, and the video shows the distances of the other balls from it. The video ends with the
+    shortest motion. An existing file is replaced when the new file is complete.
 
     Parameters
     ----------
     path : str or Path
-        The file, whose suffix .mp4, .webm or .gif gives the format. Its folder must exist.
+        The file. Its suffix .mp4, .webm or .gif gives the format. Its folder must exist.
     motions : Motion or sequence of Motion
         The motions of one scene, sampled at the same times.
     progress : callable, optional
         Called with the fraction that is done, from 0 to 1.
     **options
-        `fps`, frames a second, 30 by default. `size`, the height and the width in pixels. `slow`,
-        how many times slower than life. `camera`, which is "follow", "above" or "whole". `ghost`,
-        True for one picture with the last ball as a ghost. `note`, a text below the title.
+        `fps`: pictures per second, 30 by default. `size`: the height and the width in pixels.
+        `slow`: how many times slower than real time. `camera`: "follow", "above" or "whole".
+        `ghost`: True for one picture with the last ball as a ghost. `note`: a text below the title.
 
     Returns
     -------
@@ -425,8 +427,8 @@ def film(
     Raises
     ------
     InputError
-        If the times of the motions differ, an option has a value that no film can have, the path
-        cannot be written, or there is no off-screen OpenGL.
+        If the times of the motions differ, an option has an invalid value, the path cannot be
+        written, or there is no off-screen OpenGL.
 
     Examples
     --------

@@ -4,10 +4,10 @@ A stage is a MuJoCo model of the floor and of balls, whose bodies are mocap bodi
 added to MuJoCo's scene for each picture:
 
 * A soft shadow. The ball is drawn in white from the sun's direction; that picture, blurred, becomes
-  the opacity of a black plane on the floor. MuJoCo's shadow maps take as long again as the picture
-  itself, and glass would throw an opaque shadow.
-* The path: a strip whose corners after the present time coincide with the present ones.
-* Arrows.
+  the opacity of a black plane on the floor. MuJoCo's shadow maps would double the time for a
+  picture, and glass would have an opaque shadow.
+* The path: a strip whose corners after the present time coincide with the present corners. *
+Arrows.
 
 Lengths are in radii of the ball.
 """
@@ -39,19 +39,19 @@ _Stands = Mapping[str, tuple[Array, Array]]
 _HIDDEN = "3"  # geom group that is hidden by default
 _OWN = ("shell", "mark")  # materials that have the engine's colour
 LENS = 3.1  # distance at which the picture's shorter side is 2, a lens of 36 degrees
-_NEAR = 7.2  # distance for which the widths and lifts below are valid; they grow with it
+_NEAR = 7.2  # distance for which the widths and lifts below are valid; they scale with the distance
 _TRAIL = 0.04  # half of a path's width
 _LIFT = 0.002  # height of the shadows, then of the paths, to separate them in the depth buffer
 _BEHIND = 0.003  # a ghost is drawn farther away, to prevent flicker with the ball's surfaces
 _THICK = 0.06  # half of an arrow's width
-POINTS = 20_000  # of a path; longer ones are thinned, because all are uploaded for each picture
+POINTS = 20_000  # of a path; longer paths are thinned, because each picture uploads all points
 _ADDED = 100  # capacity for geoms that a picture adds
 _SAMPLES = 4  # per pixel
-_NEAREST, _FAR = 0.015, 40.0  # clipping distances, over the camera's distance
+_NEAREST, _FAR = 0.015, 40.0  # clipping distances, divided by the camera's distance
 _SKY = (0.95, 0.96, 0.97)
 _TEXELS = 128  # along each side of a shadow's texture
 _REACH = 1.25  # half of the shadow's side, including the blur
-SUN = np.array([-0.3, 0.4, -1.0])  # the direction of its light, as in mjcf/floor.xml
+SUN = np.array([-0.3, 0.4, -1.0])  # the direction of the sun's light, as in mjcf/floor.xml
 _PENUMBRA = 1.5  # texels, standard deviation of the blur
 _SHADE = 0.34  # darkness of an opaque shadow; it scales with √opacity, so that glass has one, too
 _OPAQUE = 0.99  # below 0.995, the limit under which MuJoCo blends a geom with its texture's opacity
@@ -81,7 +81,7 @@ def build_stage(looks: Looks, colours: Sequence[str], opacities: Sequence[float]
 def pose(
     model: mujoco.MjModel, data: mujoco.MjData, names: Collection[str], stands: Sequence[_Stands]
 ) -> None:
-    """Place the named bodies of each ball as `Track.stands` returns them for one time.
+    """Place the named bodies of each ball at the poses that `Track.stands` returns for a time.
 
     Calls only the two parts of MuJoCo's forward dynamics that rendering needs.
     """
@@ -95,8 +95,8 @@ def pose(
 def smoothed(values: Array, deviation: float, beyond: Literal["constant", "edge"]) -> Array:
     """Return the means of values (n, ...) along their first axis with the weights of a Gaussian.
 
-    deviation: the standard deviation in rows; beyond: the values outside are 0, or those of the
-    ends.
+    deviation: the standard deviation in rows. beyond: the values outside are 0 ("constant"), or
+    equal the end values ("edge").
     """
     reach = int(4 * deviation + 0.5)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
@@ -130,9 +130,10 @@ class Camera:
 class Stage:
     """An off-screen OpenGL context with a floor and balls of the same shapes.
 
-    size: (height, width) of a picture [px]; colours: of each ball; paths: contact points (n, 2) of
-    each; distance: largest distance of the camera, beyond which fog begins; backend: from
-    `gl.find_backend`; slips (n,): where the last path has a band. Call `close` when done.
+    size: (height, width) of a picture [px]. colours: one for each ball. paths: contact points (n,
+    2) of each ball. distance: largest distance of the camera; fog begins beyond it. backend: from
+    `gl.find_backend`. slips (n,): the points at which the last path has a band. Call `close` when
+    done.
     """
 
     def __init__(
@@ -182,7 +183,7 @@ class Stage:
         self._option.geomgroup[:] = 1  # including the discs of fast rotors, which viewers hide
         self._context = gl.context(width, height, backend)
         self._scene = mujoco.MjvScene(model, model.ngeom + _ADDED)
-        # A separate small buffer for shadows saves a seventh of the time per frame: reading takes
+        # A separate small buffer for shadows saves a seventh of the time per picture: reading takes
         # time in proportion to the buffer, and a blurred picture needs no multisampling.
         self._shading = self._buffer(_TEXELS, _TEXELS, 0)
         self._drawing = self._buffer(height, width, _SAMPLES)
@@ -192,8 +193,8 @@ class Stage:
     ) -> None:
         """Place the named bodies of each ball.
 
-        blurred: for each body, from 0, marks visible, to 1, rotating too fast for marks; turn: of
-        the floor about the world's Z [rad].
+        blurred: for each body, from 0 (marks visible) to 1 (rotation too fast for marks). turn: the
+        floor's angle about the world's Z [rad].
         """
         model = self._model
         pose(model, self._data, self._bodies, stands)
@@ -219,8 +220,8 @@ class Stage:
     ) -> Pixels:
         """Return a picture (height, width, 3).
 
-        opacities: of each ball, 0 to omit it; trails: opacities of the paths, which end at point
-        number `last`.
+        opacities: one for each ball, 0 to omit the ball. trails: opacities of the paths, which end
+        at point number `last`.
         """
         self._update(camera, opacities)
         # The band has the opacity of the last path.
@@ -294,7 +295,7 @@ class Stage:
         """Draw a ball in white from the sun's direction, as the texture of its shadow."""
         centre, sun = self._centres[i], SUN / np.linalg.norm(SUN)
         self._update(Camera(centre, _NEAR, 0.0, 1.0), np.eye(len(self._centres))[i].tolist())
-        for camera in self._scene.camera:  # a stereo pair, of which MuJoCo takes the mean
+        for camera in self._scene.camera:  # a stereo pair; MuJoCo uses the mean of the two
             camera.pos, camera.forward, camera.up = centre - _NEAR * sun, sun, _facing(-SUN)[1]
             camera.orthographic, camera.frustum_center, camera.frustum_width = 1, 0.0, _REACH
             camera.frustum_bottom, camera.frustum_top = -_REACH, _REACH
@@ -317,7 +318,8 @@ class Stage:
         height = float(self._centres[i, 2])
         shadow.pos = self._centres[i] - SUN * (height / SUN[2])
         shadow.pos[2] = _LIFT * camera.distance / _NEAR
-        # The plane's sides are the vectors on the floor that appear as right and up from the sun.
+        # The plane's sides are the vectors on the floor that point right and up if seen from the
+        # sun.
         shadow.mat[:2, :2] = np.linalg.inv(_facing(-SUN)[:2, :2])
         shadow.size, shadow.specular = np.array([_REACH, _REACH, 1.0]), 0.0
 

@@ -1,7 +1,7 @@
-"""What pictures show of a motion: its name, line style, and interpolated path.
+"""Name, line style and interpolated path of a motion, for pictures.
 
 Each engine and preset has one colour, dash and marker in all pictures. The colours are from Okabe
-and Ito and from Tol, and distinguishable for colour-blind readers.
+and Ito and from Tol. Colour-blind readers can distinguish them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,7 +51,7 @@ def slips_of(motion: Any) -> Sequence[tuple[float, float]]:
 def slip_parts(slips: Sequence[tuple[float, float]], times: Array) -> list[slice]:
     """Return which samples at ascending times (m,) [s] are in each interval of slip.
 
-    A part also has the samples before and after its interval, so that no slip is too short to see.
+    A part includes the samples before and after its interval, so that no slip is too short to see.
     """
     return [
         slice(int(np.searchsorted(times, a, "right")) - 1, int(np.searchsorted(times, b)) + 1)
@@ -87,10 +87,10 @@ def label_of(motion: Any) -> str:
 
 
 def line_looks(motions: Sequence[Any]) -> list[LineStyle]:
-    """Return the line style of each motion: of its preset, otherwise of its engine.
+    """Return the line style of each motion, given by its preset or else by its engine.
 
     If a colour is already taken, for example by unnamed settings of the same engine, the next free
-    one is used. The equations have no marker.
+    colour is used. The equations have no marker.
     """
     looks = list[LineStyle]()
     for motion in motions:
@@ -124,9 +124,9 @@ class Moments:
 
 @dataclass(frozen=True)
 class Track:
-    """A motion that can be interpolated: attitude by slerp, the rest by cubics of four samples.
+    """A motion that can be interpolated: attitude with slerp, others with cubics of four samples.
 
-    names: of the robot's bodies. After its last sample the motion is at rest.
+    names: names of the robot's bodies. After its last sample the motion is at rest.
     """
 
     times: Array

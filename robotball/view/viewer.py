@@ -17,7 +17,7 @@ from robotball.view.tracks import colours_of, track_of
 
 KEYS = "space: pause; left, right: half a second; up, down: twice or half the speed; home: start"
 _CODES = {32: "space", 268: "home", 262: "right", 263: "left", 264: "down", 265: "up"}  # of GLFW
-_JUMP, _FRAME = 0.5, 1 / 60  # s: jump of an arrow key; period of the window's frames
+_JUMP, _FRAME = 0.5, 1 / 60  # s: jump of an arrow key; time between two pictures in the window
 
 
 @dataclass

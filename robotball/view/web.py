@@ -40,7 +40,7 @@ def view_head() -> str:
 def view_fragment(motions: Sequence[Any]) -> str:
     """Return HTML of a 3-D view of motions of one scene; `view_head` must precede it.
 
-    The balls are side by side, or the last is a ghost over the others. Longer motions are cut after
+    The balls are side by side, or the last ball is a ghost over the others. Motions are cut after
     MOST samples. Raises InputError for a motion with fewer than two samples.
     """
     data = view_data(motions)
@@ -142,7 +142,7 @@ def _bodies(ball: Ball, looks: Looks) -> Iterator[dict[str, Any]]:
 
 
 def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
-    """Return a shape as the script needs it; meshes: their number, which share the triangles."""
+    """Return a shape as data for the script; meshes: number of meshes that share the triangles."""
     thin = shape.thinned(_MESHES // max(meshes, 1))
     return {
         "kind": shape.kind,
@@ -153,5 +153,5 @@ def _json_tree(shape: Shape, meshes: int) -> dict[str, Any]:
 
 
 def _packed(numbers: NDArray[Any]) -> str:
-    """Encode numbers as base64 of little-endian 32-bit floats, which halve the page."""
+    """Encode numbers as base64 of little-endian 32-bit floats, which halve the page's size."""
     return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

@@ -41,7 +41,7 @@ class Line:
     width : float
         The width of the line.
     broken : bool
-        Whether the line ends too early, with a cross.
+        Whether the run failed. The line then ends with a cross.
     """
 
     look: LineStyle
@@ -79,7 +79,7 @@ def chart(
     frame : (2, 2), optional
         The ends of axes with equal scales; a dot marks the start.
     slips : sequence of (float, float), s
-        The intervals of slip, shaded if x is the time. Otherwise the first line has a band there.
+        The intervals of slip, shaded if x is the time. Otherwise they are a band on the first line.
     """
     thin = [_fewer_points(line) for line in lines]
     xs, ys = [line.x for line in thin], [line.y for line in thin]

@@ -40,9 +40,9 @@ _MARGIN = (
 )
 _UNITS = {**SENSORS, "attitude": "1", "command": "as its motor"}
 _Columns = tuple[Array, Array, Array | None]  # x, y, and the times if x is not the time
-_NONE: _Columns = (np.empty(0), np.empty(0), None)  # the reference in plots of errors
+_NONE: _Columns = (np.empty(0), np.empty(0), None)  # columns of the reference in plots of errors
 _CONSTANT = 1e-9  # relative variation of a quantity that counts as constant
-_HIDDEN = 0.01  # of a quantity: runs that differ by less from a constant are printed
+_HIDDEN = 0.01  # of a quantity: runs whose difference from a constant is smaller are printed
 
 
 def report(
@@ -53,8 +53,8 @@ def report(
 ) -> str:
     """Return the page of agreements, grouped by scene.
 
-    `command` makes the page again; `film` is an mp4 of the first scene; `margins` are those of
-    closed loops, by the name of the scene.
+    `command` is the command that makes the page. `film` is an mp4 of the first scene. `margins` are
+    the margins of closed loops, by the name of the scene.
     """
     groups = [list(group) for _, group in groupby(agreements, key=lambda run: run.scene.name)]
     names = ", ".join(group[0].scene.name for group in groups)
@@ -147,7 +147,7 @@ def sentence(agreement: Agreement) -> str:
 
 
 def _slip_sentence(agreement: Agreement) -> str:
-    """Return what limited friction does to the motion, "" if it is enough for ideal rolling."""
+    """Return the effect of limited friction on the motion, "" if friction suffices for rolling."""
     if (slip := agreement.slip) is None:
         return ""
     whose = label_of(agreement.motion) if slip.of_settings else "Friction of the scene"
@@ -180,7 +180,7 @@ def _ball_numbers(group: Sequence[Agreement]) -> str:
 
 def _views(group: Sequence[Agreement]) -> str:
     """Return 3-D views of the runs and the reference; the reader selects one."""
-    # A run that broke off in its first step has no view.
+    # A run that failed in its first step has no view.
     moving = [run for run in group if len(run.motion.times) > 1]
     options = "".join(f"<option>{text(run.settings.name)}</option>" for run in moving)
     views = [f"<template>{view_fragment([run.motion, run.theory])}</template>" for run in moving]
@@ -237,7 +237,7 @@ def _loads(group: Sequence[Agreement]) -> str:
         exact, times = values[0], [motion.times for motion in motions]
         low, high, most = float(exact.min()), float(exact.max()), float(np.abs(exact).max())
         errors = [np.abs(value - exact[: len(value)]) for value in values[1:]]
-        # Runs that broke off in their first step have no values.
+        # Runs that failed in their first step have no values.
         worst = max((float(error.max()) for error in errors if error.size), default=np.inf)
         label, suffix = (f"{quantity} [{unit}]", f" {unit}") if unit else (quantity, "")
         differ = f"; the runs differ by at most {worst:.1g}{suffix}" if np.isfinite(worst) else ""

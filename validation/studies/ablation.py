@@ -1,8 +1,8 @@
 """Ablation: the effect of each choice of settings, from the naive model to the recipe and back.
 
-Errors hide one another. While the model is built up, the worst choice not yet made dominates the
-error, and a variant can look worse than the variant before it because two errors had cancelled. The
-effect of a single choice shows if it alone is undone in the recipe.
+Errors hide one another. While the model is built up choice by choice, the worst naive value that is
+left dominates the error. A variant can even look worse than the previous variant, if two errors had
+cancelled. To measure the effect of a single choice, only this choice is undone in the recipe.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -69,8 +69,8 @@ CHOICES = (
     ),
     _Choice("timestep", ("timestep",), "shorter than the engine's default"),
 )
-# The naive model makes the frame the root body. Both ends continue after a fault, so that they have
-# an error to report, and both report slip above the same tolerance.
+# The naive model makes the frame the root body. The naive model and the recipe continue after a
+# fault, so that an error can be reported, and they report slip above the same tolerance.
 BOTTOM = replace(NAIVE, root="frame", stop_at_fault=False)
 TOP = replace(preset("accurate"), error_tolerance=NAIVE.error_tolerance, stop_at_fault=False)
 
@@ -129,7 +129,7 @@ def ablation_study(scene: Scene, times: Array, quick: bool) -> Study:
 
 
 def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> Study:
-    # Once for all variants, as the equations do not know them.
+    # Once for all variants, because the equations do not depend on the variant.
     theory = integrate(scene, times)
     directions = [(_BUILT_UP, settings) for settings in built_up()]
     directions += [(_UNDONE, settings) for settings in each_undone()]
@@ -165,7 +165,7 @@ def _measure_ablation(scene: Scene, times: Array, rounds: int, show: Show) -> St
 
 
 def _part_row(direction: str, agreement: Agreement, cost: Cost, naive: Cost) -> dict[str, Any]:
-    """Return the numbers of a variant; errors are None if the run broke off."""
+    """Return the numbers of a variant; errors are None if the run failed."""
     theory, ratio = agreement.theory, cost.over(naive)
     speed = theory.path_scale / float(theory.times[-1])
     return {

@@ -47,7 +47,7 @@ _SENSES = ("supercritical", "subcritical")
 _ROUNDING = 1e-9  # 1/s; a smaller l₁ is rounding
 _LONGEST = 300.0  # s, longest period
 _SEARCHED, _STARTS = 100.0, 16  # s, longest period of the search; random starts if M ≠ 0
-_INSIDE = 3  # values inside the range at which cycles are searched for, a few seconds each
+_INSIDE = 3  # values inside the range at which to search for cycles, a few seconds each
 _ZERO = 1e-9  # fraction of the range; a smaller number is 0
 _WRITE_EVERY = 5.0  # s between writes of partial results
 _OF_THE_REST = 0.02  # fraction of the remaining progress that each point of a branch takes
@@ -68,7 +68,7 @@ def _row_of(family: motions.Range, branch: int, point: Point) -> dict[str, Any]:
     vectors = {"gamma": gamma, "M": M, "real": exponents.real, "imaginary": exponents.imag}
     return {
         "branch": branch,
-        # Points with three unknowns (γ of the motion from rest) have names in the paper.
+        # Points with three unknowns (γ of a motion from rest) have names in the paper.
         "name": name_of(ball, gamma) if len(u) == 3 else str(branch),
         "value": family.value(s),
         "kind": point.kind,
@@ -101,7 +101,7 @@ def _special(family: motions.Range, number: int, branch: Branch) -> Iterator[Row
 
 
 def _hopf(family: motions.Family, point: Point) -> str:
-    """Return the sense of a Hopf bifurcation, and the stability and side of its cycles."""
+    """Return the direction of a Hopf bifurcation, and the stability and side of its cycles."""
     value, born = motions.born_cycles(family, point, _SEARCHED)
     if abs(value) < _ROUNDING:
         return f"degenerate, l₁ = {value:.3g} 1/s"
@@ -119,7 +119,7 @@ def _branch_picture(
 ) -> Figure:
     """Draw the branches over the number: the period of cycles, or the γᵢ that varies most."""
     branches = [[*points] for _, points in groupby(rows, lambda row: row["branch"])]
-    # A driven cycle has a γ at the start of its period; other cycles have no single γ.
+    # For a driven cycle, γ at the start of the period is drawn; other cycles have no single γ.
     key = max(
         ("gamma3", "gamma2", "gamma1"),
         key=lambda name: sum(np.ptp([row[name] for row in points]) for points in branches),
@@ -150,7 +150,7 @@ def _branch_picture(
 
 
 def _draw_branch(axes: Axes, rows: Sequence[Row], key: str, named: bool) -> None:
-    """Draw one branch, solid if stable and else dashed, and its names if it is named."""
+    """Draw one branch, solid if stable and else dashed, with names of points if `named`."""
     x, y = (np.array([row[name] for row in rows]) for name in ("value", key))
     # Stability changes only at special points. Next to them rounding may suggest otherwise.
     for i, k in pairwise([0, *(i for i, row in enumerate(rows) if row["kind"]), len(rows) - 1]):
@@ -201,7 +201,7 @@ def _family(
     """Return the motions to follow."""
     if of == "cycle" and (scene.not_reduced or not scene.steady):
         driven = Driven(scene, over, low, high, longest)
-        driven.at(0.0)  # refused here, not in the midst of a search
+        driven.at(0.0)  # raises InputError before the search
         return driven
     steady_scene(name, "a branch")
     if over not in NUMBERS:
@@ -224,7 +224,7 @@ def _branches(
     assert isinstance(family, motions.Family)
     if of != "cycle":
         return motions.resting(family, watch)
-    # An unstable cycle is reached by no start, but is born somewhere.
+    # No start leads to an unstable cycle, but it may be born at a Hopf point.
     still = family.momentum.any() and not np.any(scene.parameters.Omega)
     lines = () if still else motions.resting(family)
     hopf = (point for branch in lines for point in branch.special(HOPF))
@@ -343,15 +343,15 @@ class _Findings(Watch):
 
 
 def _cycles(scene: Scene, family: motions.Family, watch: Watch) -> Iterator[tuple[Cycle, float]]:
-    """Yield cycles at values of the family: all from rest, or the cycles that starts reach."""
+    """Yield cycles at values of s: all cycles from rest, or attracting ones if M ≠ 0."""
 
     def cycles(ball: Parameters, size: float, c: float) -> Sequence[Cycle]:
         if not size:
             return limit_cycles(ball, _SEARCHED)
         attitudes, _ = level_starts(scene, _STARTS, 0)
         M = size * np.array([np.sqrt(1 - c * c), 0.0, c])
-        # With M ≠ 0 the level of the integrals has three dimensions, too many to search. Random
-        # starts find attracting cycles.
+        # If M ≠ 0, the level of the integrals has three dimensions, which is too many to search.
+        # Motions from random starts find attracting cycles.
         return basins(ball, attitudes, np.tile(M, (_STARTS, 1))).cycles
 
     places = motions.sought(family, _INSIDE, cycles, watch)

@@ -1,9 +1,9 @@
 """Charts of the largest exponent over two numbers of a ball.
 
-Each point is a motion of the equations from the scene's start, after a transient. λ₁ over the later
-half of its duration classifies it: chaotic; regular, on a cycle or a torus (λ₁ = 0); or ending on a
-straight line (negative exponents). The first half shows transient chaos, which may last thousands
-of seconds. Between points of different kinds the grid is refined.
+Each point is a motion of the equations from the scene's start, after a transient. λ₁ in the second
+half of the duration classifies the motion: it is chaotic (λ₁ > 0), regular on a cycle or a torus
+(λ₁ = 0), or ends on a straight line (negative exponents). The first half shows transient chaos,
+which may last for thousands of seconds. The grid is refined between points of different kinds.
 """
 
 import math
@@ -129,7 +129,7 @@ def _kind_of(early: float, late: float) -> str:
 
 
 def _draw_chart(scene: Scene, axes: _Axes, largest: Array, least: float) -> Figure:
-    """Draw λ₁ (across, up) in colours, with the borders of chaos and the scene's own place."""
+    """Draw λ₁ (across, up) in colours, with the borders of chaos and the scene's point."""
     part = (largest[np.isfinite(largest)] > least).mean()
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
     over = " and ".join(NUMBERS[name][0] for name in axes)
@@ -173,7 +173,7 @@ def chart_study(
     def measured(places: Integers) -> Array:
         points = np.stack([axes[n][i] for n, i in zip(axes, places.T, strict=True)], axis=1)
         level = own | dict(zip(axes, points.T, strict=True))
-        # A vector of length √f has no part c along γ that is longer than itself.
+        # The part c along γ of a vector of length √f cannot be longer than √f.
         some = np.broadcast_to(level["f"] > np.square(level["c"]), len(points))
         if not some.any():  # raises the reason
             varied(ball, momentum, dict(zip(axes, points[-1], strict=True)))
@@ -194,7 +194,7 @@ def chart_study(
         raise InputError(f"over {over} no motion could be integrated: {failures[0]}")
     found = [rows[point] for point in sorted(rows)]
     some = largest[np.isfinite(largest)]
-    # The two halves of a regular motion show no spread.
+    # The two halves of a regular motion do not differ.
     errors = [row["largest_error"] for row in found if row["motion"] == _CHAOTIC]
     record = {
         "scene": scene.name,

@@ -1,7 +1,8 @@
-"""Error of MuJoCo's cones over the sliding friction of a ball, with the equations that slip.
+"""Errors of MuJoCo's friction cones for several frictions, compared with the equations.
 
-The runs differ in the cone and the contact pair alone. All take RK4, prescribe the rates of driven
-hinges and start at the depth that carries the ball, so that the error is that of the friction.
+The runs differ only in the cone and the contact pair. All runs use RK4, prescribe the rates of
+driven hinges and start at the depth at which the contact carries the ball, so that the error is an
+error of friction.
 """
 
 from collections.abc import Mapping, Sequence

@@ -47,18 +47,18 @@ def each_step(model: Model, duration: float) -> Array:
 
 
 def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[Array, Array]:
-    """Return starts on the scene's level of M² and (M, γ), as `sections` takes them.
+    """Return starts on the scene's level of M² and (M, γ), as arguments for `sections`.
 
     Parameters
     ----------
     scene : Scene
         The scene.
     count : int
-        The number of starts; 1 for the scene's own start, otherwise random ones with g = `g`.
+        The number of starts. 1 gives the start of the scene, more give random starts with g = `g`.
     seed : int
         The seed of the random starts.
     g : float, rad
-        The section.
+        The value of g on the section.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def _may_come_to_rest(scene: Scene) -> bool:
 
 
 def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> Crossings:
-    """Return the points at the ends of periods [s] after the first `skip`, of all motions."""
+    """Return the points of all motions at the ends of periods [s], after the first `skip`."""
     attitudes, momenta = attitudes[:, skip:], momenta[:, skip:]
     axes = rotation_matrix(attitudes).reshape(-1, 3, 3)
     M = np.einsum("nij,ni->nj", axes, momenta.reshape(-1, 3))
@@ -146,7 +146,7 @@ def _at_phase(period: float, attitudes: Array, momenta: Array, skip: int) -> Cro
 
 
 def _draw_section(scene: Scene, theory: Crossings, engine: Crossings | None, where: str) -> Figure:
-    """Draw the points of the section on the annulus, paler if g falls."""
+    """Draw the points of the section on the annulus, paler if g decreases."""
     figure, axes = panels(f"{scene.name}, section {where}: {len(theory.l)} points", (8.0, 6.0))
     # Many points need small dots, so that a curve is not filled.
     size = 1.2 if len(theory.l) >= 5000 else 3.0 if engine is None else 7.0
@@ -220,7 +220,7 @@ def section_study(
 def _by_equations(
     scene: Scene, starts: tuple[Array, Array], period: float | None, skip: int, count: int, g: float
 ) -> Crossings:
-    """Return the points of the motions from some starts, as `level_starts` gives them."""
+    """Return the points of the motions from starts that `level_starts` returns."""
     if period is not None:
         ends, M = strobed(scene, *starts, skip + count)
         return _at_phase(period, ends, M, skip)

@@ -5,9 +5,9 @@ an error of the integrator. The second is the reduced equations: an error agains
 error of the model. With short steps only the distance between the references remains. A contact
 model that rolls without slipping has no such distance, and both errors agree down to rounding.
 
-Runs differ in the integrator and the step alone. MuJoCo silently raises the time constant in
-solref to two steps (refsafe). Such long steps are left out because they would change the contact.
-MuJoCo's steps end on the sample times, so they are fractions of the sample interval.
+Runs differ only in the integrator and the step. MuJoCo silently raises the time constant in solref
+to two steps (refsafe). Such long steps are left out because they would change the contact. MuJoCo's
+steps end on the sample times, so each step is a fraction of the sample interval.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,8 +45,8 @@ _HALVINGS = 8  # halvings of the sample interval down to MuJoCo's shortest step
 # Halving the step divides the error of order 8 by 2⁸. Finer ratios give enough points above
 # rounding.
 _STEPS_8 = tuple(0.1 / 2 ** (n / 2) for n in range(7))  # s
-# Halvings of the sample interval, for the limit: stiff contacts need short steps of order 8, and on
-# others the rounding of many steps is larger than their error.
+# Halvings of the sample interval, for the limit. Stiff contacts need short steps of order 8. With
+# other contacts, rounding in many steps is larger than the error of the steps.
 _LIMIT_8 = range(1, 5)
 _INCHES = (11.0, 6.6)
 
@@ -73,13 +73,14 @@ class Runs:
     duration : float, s
         The simulated time.
     limit : dict
-        The limit of the model for short steps: the run `by` which it is computed, its uncertainty
-        `known_to`, and `model_error`, its distance to the equations; both over the path's length.
+        The limit of the model for short steps. `by` is the run that gives the limit, `known_to` its
+        uncertainty, and `model_error` its distance from the equations; the last two are relative to
+        the path's length.
     rows : list of dict
-        The runs of each integrator, the longest step first: `step` [s]; `own_error` against the
-        limit and `equations_error` against the equations, over the path's length, None if the run
-        broke off; `richardson`, the estimate of `own_error` from this run and the run with the next
-        longer step.
+        The runs of each integrator, the longest step first. `step` is in s. `own_error` against the
+        limit and `equations_error` against the equations are relative to the path's length, and
+        None if the run failed. `richardson` is the estimate of `own_error` from this run and the
+        run with the next longer step.
     """
 
     scene: Scene
@@ -129,7 +130,7 @@ def measure_convergence(
     Raises
     ------
     InputError
-        If the contact model breaks off at any step.
+        If the contact model fails even at short steps, so that there is no limit.
     """
     theory = integrate(scene, times)
     interval = float(theory.times[1])
@@ -151,7 +152,7 @@ def measure_convergence(
         _order_row(run_of, best, theory, before, method)
         for before, method in zip([None, *methods[:-1]], methods, strict=True)
     ]
-    # Steps that are as long as the run, or end on breakpoints, may be equal.
+    # Steps that are as long as the run, or that end on breakpoints, may be equal.
     different = {(row["integrator"], row["step"]): row for row in rows}
     return Runs(scene, settings, float(theory.times[-1]), limit, [*different.values()])
 
@@ -169,7 +170,7 @@ def _methods(model: Model, interval: float, halvings: int) -> list[_Method]:
 
 
 def _whole_run(model: Model, method: _Method, times: Array) -> ContactMotion | None:
-    """Return the run of a method; None if it broke off."""
+    """Return the run of a method; None if it failed."""
     with np.errstate(all="ignore"):  # the report of a diverging run has the fault
         motion = run(_stepped(model, method), times)
     return motion if len(motion.times) == len(times) else None
@@ -178,7 +179,7 @@ def _whole_run(model: Model, method: _Method, times: Array) -> ContactMotion | N
 def _stepped(model: Model, method: _Method) -> Model:
     """Return the model with another integrator and step."""
     settings = replace(model.settings, integrator=method.integrator, timestep=method.step)
-    if not settings.own:  # a tolerance would shorten its steps
+    if not settings.own:  # a tolerance would shorten the steps
         return replace(model, settings=replace(settings, error_tolerance=1.0))
     same = replace(model, settings=settings)
     member = f"mjINT_{method.integrator.upper()}"
@@ -191,7 +192,7 @@ def _stepped(model: Model, method: _Method) -> Model:
 def _limit(
     run_of: _RunOf, theory: Motion, finest: Sequence[_Method]
 ) -> tuple[Motion, dict[str, Any]]:
-    """Return the limit of short steps: of the finest runs the one that is known best."""
+    """Return the limit of short steps: the finest run with the smallest uncertainty."""
     limits: list[tuple[Motion, dict[str, Any]]] = []
     for method in finest:
         best, near = run_of(method), run_of(replace(method, step=2 * method.step))
@@ -294,7 +295,7 @@ def _order_text(order: Order | None) -> str:
 
 
 def _convergence_picture(study: Runs) -> Figure:
-    """Draw path error over step and the fitted lines, in a panel for each reference."""
+    """Draw path errors against steps, with fitted lines, in a panel for each reference."""
     slopes: dict[int, list[float]] = {}
     for name in study.by_name:
         order, _ = study.order(name, "own")

@@ -1,8 +1,9 @@
-"""Error against processor time over many configurations, and the Pareto front.
+"""Error against processor time for many configurations, and the Pareto front.
 
-All combinations of choices would take tens of thousands of runs. The configurations are lines,
-which vary the timestep of the recipe and of the naive model; stars, which vary one choice of them
-at a time; and a random sample, which combines choices.
+All combinations of choices would take tens of thousands of runs. Instead, the configurations form
+lines, stars and a random sample. A line varies the timestep of the recipe or of the naive model. A
+star varies one choice of the recipe or of the naive model at a time. The sample combines choices at
+random.
 """
 
 import logging
@@ -72,7 +73,7 @@ _TIMED = 0.05  # s of processor time measured in each round
 _ORDER = 1.25  # largest order of a first-order line; a steeper line has cancelling errors
 _FEW = 3  # changes named in a description; more are counted
 _WILD = 1e3  # relative path error above which a run is not drawn
-_ABOVE = ("exact",)  # presets named above their mark, at the left end of the front
+_ABOVE = ("exact",)  # presets whose names are above their marks, at the left end of the front
 
 
 def _both(*names: str) -> tuple[_Options, _Options]:
@@ -110,7 +111,7 @@ _CHOICES: Mapping[str, Sequence[_Options]] = {
 
 
 def configurations(quick: bool = False) -> list[Settings]:
-    """Return the distinct settings of the study, presets first; a few of each in the quick form."""
+    """Return the distinct settings of the study, presets first; few in the quick form."""
     if quick:
         every = [*PRESETS.values(), *_lines((_RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
         order_8 = _lines((_RECIPE,), _LINE[1:3], (ORDER_8,))
@@ -236,11 +237,11 @@ _PRESETS = {repr(sorted(options_of(s).items())): name for name, s in PRESETS.ite
 def _configuration(result: Result, baseline: float) -> Row:
     """Return a configuration and its result as a row of plain data.
 
-    `error` is the path error, `momentum_error` the error of M; `ratio` the cost of a simulated
-    second relative to the bare loop, with the `spread` from least to most; `cost` the processor
-    time of a simulated second [s] at the study's baseline; `trouble` the faults or the reason of
-    the failure, "" for a sound run; `sound` whether it counts as a result; `preset` the preset with
-    the same options. Missing numbers are None.
+    `error` is the path error, and `momentum_error` is the error of M. `ratio` is the cost of a
+    simulated second relative to the bare loop, and `spread` is its smallest and largest value.
+    `cost` is the processor time of a simulated second [s] at the study's baseline. `trouble` gives
+    the faults or the reason of the failure, "" for a sound run. `sound` is whether the run counts
+    as a result. `preset` is the preset with the same options. Missing numbers are None.
     """
     options, record = options_of(settings_with(result.cell)), result.record or {}
     integrator, timestep = options.get("integrator", MUJOCOS_DEFAULT), options.get("timestep", 2e-3)
@@ -271,10 +272,10 @@ def _configuration(result: Result, baseline: float) -> Row:
 def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
     """Return the convergence lines of first-order integrators.
 
-    A line has its `configurations`, which are sound and differ in the timestep alone; the `order`
-    of their errors; `nearest`, the configuration nearest to the target; `cost_at_target` [s per
-    simulated s], extrapolated from `nearest`; `extrapolated`, whether no configuration reaches the
-    target.
+    The `configurations` of a line are sound and differ only in the timestep, and `order` is the
+    order of their errors. `nearest` is the configuration nearest to the target. `cost_at_target` [s
+    per simulated s] is extrapolated from `nearest`. `extrapolated` is whether no configuration
+    reaches the target.
     """
     groups: dict[str, list[Row]] = {}
     for row in configurations:
@@ -297,11 +298,12 @@ def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def costs_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
-    """Return the comparison that the results of `measure_settings` make, as plain data.
+    """Return the comparison of the results of `measure_settings`, as plain data.
 
-    `baseline` is the processor time of a simulated second of the bare loop [s], the unit of costs;
-    `best` the cheapest configuration that reaches the target; `first_order` the cheapest
-    first-order line there; `ratio` its cost at the target over the cost of `best`, or None.
+    `baseline` is the processor time of a simulated second of the bare loop [s], the unit of costs.
+    `best` is the cheapest configuration that reaches the target. `first_order` is the first-order
+    line that is cheapest at the target. `ratio` is the cost of this line at the target divided by
+    the cost of `best`, or None.
     """
     baselines = [result.record["baseline"] for result in results if result.record is not None]
     # The machine's speed drifts during a sweep, so all seconds are ratios times one baseline.
@@ -351,7 +353,7 @@ def _cost_study(scene: Scene, results: Sequence[Result]) -> Study:
 
 
 def _verdict(study: Row) -> str:
-    """Compare the cost at the target of the first-order integrators and of the front."""
+    """Compare the costs of first-order integrators and of the front at the target."""
     best, line = study["best"], study["first_order"]
     if best is None:
         return f"No configuration reaches a path error of {TARGET:g}."
@@ -464,7 +466,7 @@ def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
 
 
 def cost_study(scene: Scene, shared: Cell, sweep: Sweep) -> Study:
-    """Sweep the configurations of a scene; shared: the part of their cells that is alike."""
+    """Sweep the configurations of a scene; shared: the common part of cells."""
     cells = cells_of(shared, configurations(sweep.quick), 2 if sweep.quick else _ROUNDS)
     results = sweep.results(measure_settings, cells, f"{scene.name}-cost", _LIMIT)
     return _cost_study(scene, results)

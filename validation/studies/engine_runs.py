@@ -1,7 +1,7 @@
 """One run of one engine: errors, quality of the contact, cost and versions.
 
 ContactBench (arXiv 2304.06372) tests engines against three laws. `cone_violation` is the residual
-of Coulomb's law, and `slip_work` the energy lost to slip under the principle of maximum
+of Coulomb's law, and `slip_work` is the energy lost to slip under the principle of maximum
 dissipation. A rolling ball meets Signorini's condition with equality, so the normal force itself is
 compared.
 """
@@ -31,12 +31,12 @@ from ..agreement import Agreement
 from ..output import known
 from ..sensitivity import total_defect
 
-OLDER = "mujoco-3.17"  # the last release whose RK4 has not order 4 on free joints
+OLDER = "mujoco-3.17"  # the last release whose RK4 does not have order 4 with free joints
 _ENOUGH = 1.0  # s of processor time; a longer run is timed once
 LOOSEST = 0.3  # error tolerance of runs whose preset has no tolerance for their value
 _FIXED_WORK = bytes(1 << 23)  # the time of hashing these bytes measures the machine's current speed
 _UP = np.array([0.0, 0.0, 1.0])
-_SLOW = 0.1  # of the largest slip; the direction of a slower one settles while it ends
+_SLOW = 0.1  # of the largest slip; the direction of a slower slip changes as the slip ends
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def contestants() -> dict[str, Contestant]:
     """Return all contestants by name: the engines, and an older version of MuJoCo."""
     known = {}
     for name in engine_names():
-        with contextlib.suppress(InputError):  # an engine that cannot be loaded
+        with contextlib.suppress(InputError):  # skip an engine that cannot be loaded
             engine = engine_named(name)
             requirements = engine.requirements if isinstance(engine, Adapter) else ()
             known[name] = Contestant(name, name, requirements)
@@ -73,7 +73,7 @@ def contestants() -> dict[str, Contestant]:
 def python_of(contestant: Contestant, folder: Path) -> Path | None:
     """Return the interpreter of a contestant's environment, or this one if it has the engine.
 
-    None if the engine is not installed.
+    Returns None if the engine is not installed.
     """
     if python := interpreter_of(folder / contestant.name, contestant.requirements):
         return python
@@ -93,8 +93,8 @@ def check_installed(contestants: Iterable[Contestant], folder: Path) -> None:
 def install(contestant: Contestant, folder: Path, python: str = "") -> Path:
     """Create a contestant's environment and return its folder.
 
-    `python` is a version or a path, by default the newest that the engine supports. Raises
-    InputError as `make` does, and if the engine needs no installation.
+    `python` is a version or a path, by default the newest Python that the engine supports. Raises
+    InputError if `make` raises it, or if the engine needs no installation.
     """
     if not contestant.requirements:
         raise InputError(f"{contestant.name} is already installed with robotball")
@@ -105,7 +105,7 @@ def install(contestant: Contestant, folder: Path, python: str = "") -> Path:
 def run(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Run a cell and return its record: errors, readings, cost and versions."""
     scene = load_scene(cell["scene"])
-    # A hop of a ball that slips may be as short as a step.
+    # A slipping ball may leave the plane for a time as short as a step.
     theory = integrate(
         scene, sample_times(cell["duration"], cell["value"] if scene.may_slip else None)
     )
@@ -169,16 +169,16 @@ def fixed_work() -> float:
 
 
 def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | None]:
-    """Return the residuals of a motion against the equations' motion at its times.
+    """Return the residuals of a motion against the reference at the same times.
 
     Returns
     -------
     dict
-        `normal_force_error`, the largest error of the normal force over the weight;
-        `cone_violation`, the largest friction beyond the cone, over the cone; `slip_work`, the
-        energy lost to slip over the kinetic energy at the start; `energy_error`, the largest
-        relative error of the kinetic energy. None without contact forces, or, for the energies, of
-        a ball that is not balanced.
+        `normal_force_error` is the largest error of the normal force, divided by the weight.
+        `cone_violation` is the largest friction beyond the cone, divided by the cone's limit.
+        `slip_work` is the energy lost to slip, divided by the initial kinetic energy.
+        `energy_error` is the largest relative error of the kinetic energy. Values are None without
+        contact forces; the two energies are also None if the ball is not balanced.
     """
     n, ball = slice(len(motion.times)), theory.scene.ball
     off = motion.loads.normal_force - theory.loads.normal_force[n]
@@ -201,16 +201,16 @@ def contact_quality(motion: ContactMotion, theory: Motion) -> dict[str, float | 
 
 
 def slip_quality(motion: ContactMotion, theory: ReferenceMotion) -> dict[str, float | None]:
-    """Return how well a slipping motion obeys Coulomb's law, against the equations' motion.
+    """Return how well a slipping motion obeys Coulomb's law, compared with the reference.
 
     Returns
     -------
     dict
-        `late`, the relative error of the time that the first slip takes; `askew`, the mean angle of
-        the friction to the direction against the slip, weighted with the friction [deg];
-        `most_force`, the largest normal force over the largest of the equations; `hop`, the largest
-        height of the ball above the plane [m]. None if unknown, and `late` also if the ball does
-        not stick.
+        `late` is the relative error of the duration of the first slip. `askew` is the mean angle
+        between the friction and the direction opposite to the slip, weighted with the friction
+        [deg]. `most_force` is the largest normal force, divided by the reference's largest normal
+        force. `hop` is the largest height of the ball above the plane [m]. A value is None if it is
+        unknown; `late` is also None if the ball does not stick.
     """
     scene, report, force = theory.scene, motion.report, motion.loads.contact_force
     W = np.where(np.isfinite(scene.slip_limits), scene.slip_limits, 0.0)
@@ -234,7 +234,7 @@ def slip_quality(motion: ContactMotion, theory: ReferenceMotion) -> dict[str, fl
 
 
 def slip_of(motion: Motion) -> Array:
-    """Return the slip (n, 3) of a motion, as in `ReferenceMotion`, from its path and its turning.
+    """Return the slip (n, 3) of a motion, as in `ReferenceMotion`, from its path and rotation.
 
     MuJoCo reports no slip of a ball that has left the plane.
     """
@@ -246,9 +246,9 @@ def slip_of(motion: Motion) -> Array:
 
 
 def _end_of_slip(times: Array, speed: Array, peak: int) -> float:
-    """Return when a slip (n,) ends, on the line through a half and a tenth of its peak [s].
+    """Return the end [s] of a slip (n,): the zero of a line through 1/2 and 1/10 of its peak.
 
-    NaN if it does not end. MuJoCo's slip decays exponentially in the end.
+    Returns NaN if the slip does not end. MuJoCo's slip decays exponentially at the end.
     """
     below = [np.flatnonzero(speed[peak:] < part * speed[peak]) for part in (0.5, _SLOW)]
     if not len(below[1]):

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 _LIMIT = 300.0  # s, time limit of a run with its compilation
 _ROUNDS = 3  # rounds of timing
 _SAID = 1e-6  # the title of the picture has the cost at this error
-_IDEAL = ":"  # line style of runs in which the engine computes its dynamics alone
+_IDEAL = ":"  # line style of runs in which the engine computes only the dynamics
 _LEAST = 1e-15  # relative error; smaller errors are rounding
 _SLIP_STEPS = (5e-3, 2e-3, 1e-3)  # s, in scenes whose friction is limited
 
@@ -132,13 +132,13 @@ def study_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
     Returns
     -------
     dict
-        `errors` describes the errors: path errors, or the total defects of a chaotic scene.
-        `runs` has a row for each run with its cell, its record, and these keys: `error`; `cost`,
-        the processor time of a simulated second [s] at the median speed of the machine;
-        `python_share`, Python's fraction of it; `launching`, whether the engine spends more than
-        half of it in Python to launch its steps; `relative_cost`, relative to the default engine
-        with its default settings; `order` of the preset's errors; `newcomer`, whether the preset is
-        the engine's default; `ours`, robotball's parts of the run; `usable`, whether the error is
+        `errors` describes the errors: path errors, or the total defects of a chaotic scene. `runs`
+        has a row for each run with its cell, its record, and these keys: `error`; `cost`, the
+        processor time of a simulated second [s] at the median speed of the machine; `python_share`,
+        Python's fraction of the cost; `launching`, whether the engine spends more than half of the
+        cost in Python to launch its steps; `relative_cost`, relative to the default engine with its
+        default settings; `order` of the preset's errors; `newcomer`, whether the preset is the
+        engine's default; `ours`, robotball's parts of the run; `usable`, whether the error is
         meaningful; `on_the_pareto_front`. `orders` has the fitted lines, and `failed` the runs
         without a result.
     """
@@ -204,7 +204,7 @@ def _title(run: Row) -> str:
 
 
 def _usable(run: Row) -> bool:
-    """Return whether the error is meaningful: the run is not diverged, and no errors cancelled."""
+    """Return whether the error is meaningful: the run did not diverge, and no errors cancelled."""
     consistent = run["momentum_error"] < CANCELLED * max(run["error"], _LEAST)
     diverged = "diverged" in " ".join(run["faults"])
     return run["error"] < engine_runs.LOOSEST and consistent and not diverged
@@ -271,7 +271,7 @@ def _engines_picture(name: str, errors: str, runs: Sequence[Row]) -> "Figure":
 
     Engines that are not on the Pareto front are grey.
     """
-    from ..plots import note, separate  # a list of engines has no picture
+    from ..plots import note, separate  # a list of engines needs no picture
 
     within = [run for run in runs if run["usable"] and run["error"] <= _SAID]
     within.sort(key=itemgetter("cost"), reverse=True)
@@ -321,7 +321,7 @@ def run_engines(
 ) -> int:
     """Install engines; list them, or compare them on scenes. Return the exit status.
 
-    words: of the options, for the files' names.
+    words: parts of the file names for the options.
     """
     known = engine_runs.contestants()
     for each in chosen("engine", install, known) if install else ():
@@ -360,7 +360,7 @@ def _missed(chosen: Sequence[Contestant], environments: Path) -> list[Result]:
 
 
 def _list(chosen: Sequence[Contestant], environments: Path, newest: bool) -> list[Row]:
-    """Print the engines and where they run, and return their rows; `newest` asks the index."""
+    """Print the engines and where they run, and return their rows; `newest`: ask the index."""
     rows: list[Row] = []
     for contestant in chosen:
         engine, folder = engine_named(contestant.engine), environments / contestant.name

@@ -51,8 +51,8 @@ _MARKERS = {
     "degenerate": ("*", "white"),
 }
 _VIEW = np.array([0.77, 0.54, 0.34])  # direction from which the sphere is seen
-_ROUNDING = 1e-7  # 1/s, of an eigenvalue, which may be a double one
-_NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
+_ROUNDING = 1e-7  # 1/s, rounding error of an eigenvalue, which may be double
+_NEARLY_STRAIGHT = 1e9  # radii of the ball; a path with a larger radius is bent only by rounding
 _Point = tuple[str, FixedPoint, ContactPath]
 _Cells = tuple[str, str, str, str]
 
@@ -73,7 +73,7 @@ def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) 
     """Return the cells of half of the circle of fixed points, which begins at an angle [rad]."""
     last = first + np.pi / 2
     ends = circle.at(np.array([first, last]))
-    # The eigenvalue across varies along the circle. It is 0 where the halves meet.
+    # The transverse eigenvalue varies along the circle. It is 0 at the points between the halves.
     rates = circle.rate(circle.at(np.linspace(first, last, 400)))
     fastest = rates[np.argmax(np.abs(rates))]
     span = f"± from {_join(ends[0])}\nto {_join(ends[1])}"
@@ -93,12 +93,12 @@ def _straight_cells(line: StraightMotion, name: str) -> _Cells:
 
 
 def _join(values: Array | ComplexArray) -> str:
-    """Return numbers side by side, without rounding errors; conjugate ones as a ± bi."""
+    """Return numbers side by side, without rounding errors; conjugate pairs as a ± bi."""
     # Adding 0.0 makes a zero of -0.0.
     rounded = np.round(values, 12) + 0.0
     if np.isrealobj(rounded) or not np.any(rounded.imag):
         return ", ".join(f"{x:.5g}" for x in rounded.real)
-    # Complex eigenvalues of a real matrix come in pairs: one of each with its ± says both.
+    # Complex eigenvalues of a real matrix come in pairs, so one of a pair with ± stands for both.
     above = [z for z in rounded if z.imag >= 0]
     return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
 
@@ -109,7 +109,7 @@ def _found_record(
     cycles: Sequence[Cycle],
     lines: Sequence[tuple[StraightMotion, str]],
 ) -> dict[str, Any]:
-    """Return all that was found as plain data."""
+    """Return all results as plain data."""
     return {
         "fixed_points": [
             {
@@ -161,7 +161,7 @@ def portrait(
         label = style.pop("label", None)
         if label in chart.get_legend_handles_labels()[1]:  # only one entry in the legend
             label = None
-        # The flow is the same at γ and -γ, so the far side would show nothing else.
+        # The flow is the same at γ and -γ, so the far side would show the same.
         sphere.plot(*np.where(gamma @ _VIEW > 0, gamma.T, np.nan), **style)
         chart.plot(*involute(gamma).T, label=label, **style)
 
@@ -217,7 +217,7 @@ def equilibria_study(name: str, longest: float) -> Study:
     scene = steady_scene(name, "an equilibrium")
     if scene.rolling == "classical":
         return _classical(scene)
-    # Then (4.1) is zero everywhere, and a list of fixed points would be the whole sphere.
+    # Here (4.1) is zero everywhere, so every point of the sphere is a fixed point.
     if not np.any([scene.parameters.Omega, scene.parameters.K]):
         raise InputError(
             f"{scene.name}: nothing turns inside (Ω = 0, K = 0), so a ball that starts from rest "
@@ -227,7 +227,7 @@ def equilibria_study(name: str, longest: float) -> Study:
 
 
 def _classical(scene: Scene) -> Study:
-    """List the scene's own straight motion: a classical ball has one at every γ."""
+    """List the straight motion at the scene's γ: a classical ball has one at every γ."""
     gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
     line = straight_motion(scene.parameters, gamma)
     table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
@@ -244,8 +244,8 @@ def _rubber(scene: Scene, longest: float) -> Study:
         progress(0, f"{scene.name}: fixed points")
         points, circle = fixed_points(ball), fixed_circle(ball)
         points.sort(key=lambda point: name_of(ball, point.gamma))
-        # From rest with M = 0 a straight line is a fixed point already; with Ω = 0 the ball
-        # does not move on it.
+        # With M = 0 a straight line is already listed as a fixed point. With Ω = 0 the ball does
+        # not move along the line.
         motions = straight_motions(ball, f) if f > 0 and np.any(ball.Omega) else []
         lines = [(line, name_of_line(ball, line.gamma)) for line in motions]
         progress(1, f"{scene.name}: limit cycles")
@@ -266,7 +266,7 @@ def _rubber(scene: Scene, longest: float) -> Study:
     ]
     if lines:
         shown.append(f"The straight-line motions have the M² of the scene, {f:g} (kg m²/s)².")
-    # By the theorem of Poincaré and Hopf: a check that no point is missing.
+    # A check that no point is missing, by the Poincaré–Hopf theorem.
     indices = f"The indices of the points add up to {index_sum(points)}"
     if circle is not None:
         indices += f"; the circle (Ω, γ) = 0 adds {circle.index}, which makes 2"

@@ -18,9 +18,9 @@ from robotball.robot.variations import gyrostat, momentum_of, redistributed, sca
 from ..sweeps import Cell
 
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
-TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
+TIMESTEP = 2e-3  # s, MuJoCo's default, for maps that do not vary the timestep
 ERROR_TOLERANCE = 1e-2  # relative error tolerance of a cell
-_MOST_STEPS = 30_000  # of a cell, some seconds; fast rotations and servos shorten steps of order 8
+_MOST_STEPS = 30_000  # per cell, some seconds; fast rotations and servos shorten steps of order 8
 _COUNT = 8  # default number of values on an axis
 _QUICK_INTEGRATORS = ("Euler", "RK4", ORDER_8)
 _QUICK_COUNT = 3  # values on an axis of the quick form
@@ -29,7 +29,7 @@ _QUICK_DURATION = 10.0  # s, longest duration of the quick form
 
 @dataclass(frozen=True)
 class _Axis:
-    """Label, with the unit, and values of an axis."""
+    """Label and values of an axis. The label contains the unit."""
 
     label: str
     values: tuple[float, ...]
@@ -63,7 +63,7 @@ class Map:
     ample : bool
         Whether friction is raised to three times the motion's demand.
     lasting : bool
-        Whether y is the duration [s]. Otherwise a cell lasts a few turns of the ball.
+        Whether y is the duration [s]. If False, a cell lasts for a few turns of the ball.
     rollings : tuple of str
         The rolling models.
     limit : float, s
@@ -105,13 +105,13 @@ def _settings(integrator: str, timestep: float) -> Settings:
     constant, ratio = CONSTANT["solref"]
     # MuJoCo (refsafe) would silently raise the time constant to two steps.
     solref = max(constant, 2 * timestep), ratio
-    # The outcome shows only if the run continues after a fault.
+    # The outcome is known only if the run continues after a fault.
     return replace(chosen, solref=solref, max_steps=_MOST_STEPS, stop_at_fault=False)
 
 
 def _with_momentum(scene: Scene, size: float) -> Scene:
     K = momentum_of(scene)
-    # Keep A: vary the momentum K alone, not the inertia.
+    # Keep A: vary only the momentum K, not the inertia.
     return gyrostat(scene, K=K / np.linalg.norm(K) * size)
 
 
@@ -196,7 +196,8 @@ MAPS: dict[str, Map] = {
             "the ball and its start; damping ratio 1, in solref's direct form",
             _Axis("time constant of the contact [s]", _decades(1e-5, 10, 9)),
             _Axis("solreffriction's damping b [1/s]", _decades(1e-3, 1e6, 10)),
-            # In this direct form MuJoCo does not soften the contact to fit the timestep.
+            # With this direct form of solref MuJoCo does not soften the contact to fit the
+            # timestep.
             options=lambda _, constant, rate: {
                 "solref": (-1 / constant**2, -2 / constant), "solreffriction": (-1.0, -rate),
             },

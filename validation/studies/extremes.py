@@ -50,8 +50,8 @@ _DURATION = 3.0  # s, a few turns of the ball, if the map does not vary the dura
 _TURNING = 200.0  # rad; a fast ball shows its error within this angle
 _LEAST_STEPS = 50  # steps, enough for an instability to grow
 _MOST_SAMPLES = 100  # times at which the two motions are compared
-_AMPLE = 3.0  # friction over the motion's demand
-# Limits of stability. Beyond them the state grows at every step until it overflows.
+_AMPLE = 3.0  # friction divided by the motion's need
+# Limits of stability. Beyond these limits the state grows at every step until it overflows.
 _STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
 _WIDE, _PANEL, _ABOVE = 9.0, 2.2, 1.5  # inches: picture width, panel height, title and legend
 _TICKS = 4  # ticks of an axis at most
@@ -60,7 +60,7 @@ LAWS = {law.__name__: law for law in (*limits.LAWS, *special_limits.LAWS)}
 
 
 class Outcome(Enum):
-    """The outcome of a cell: its word in tables and its sentence."""
+    """The outcome of a cell, with its name in tables and a sentence."""
 
     ACCURATE = ("accurate", f"accurate: error at most {ACCURATE:g}")
     DEGRADED = ("degraded", f"degraded: error at most {WRONG:g}")
@@ -100,8 +100,8 @@ def _largest_error(record: Mapping[str, Any]) -> float | None:
 def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
     """Return the outcome of a run from its faults, the earliest first, and its error.
 
-    The error is None if the run broke off. Otherwise the first fault names the outcome because the
-    later faults follow from it: a ball that slips may lose contact later.
+    The error is None if the run failed. Otherwise the first fault determines the outcome, because
+    later faults may follow from it: a ball that slips may lose contact later.
     """
     kinds = [_OF_KIND.get(fault.kind, Outcome.DIVERGED) for fault in faults]
     if Outcome.DIVERGED in kinds or error is None:
@@ -120,12 +120,12 @@ def measure_cell(cell: Mapping[str, Any]) -> dict[str, Any]:
     """Run a cell {map, rolling, integrator, x, y} and return its record; never raises.
 
     Keys of the record: `outcome`, the name of an Outcome; `path_error` and `momentum_error`,
-    relative, and `gamma_error` [rad], None if the run broke off; `faults` of the run; `foretold`,
-    the limits that the precheck finds exceeded; `nearness`, the value of each limited quantity over
-    its limit, None if infinite; `seconds` of processor time.
+    relative, and `gamma_error` [rad], None if the run failed; `faults`, the faults of the run;
+    `foretold`, the limits that the precheck finds exceeded; `nearness`, each limited quantity
+    divided by its limit, None if infinite; `seconds`, the processor time.
     """
     began = time.process_time()
-    # The record has the faults, so the worker process need not log MuJoCo's warnings.
+    # The record contains the faults, so the worker process need not log MuJoCo's warnings.
     logging.getLogger("absl").setLevel(logging.ERROR)
     chosen, place = MAPS[cell["map"]], (cell[key] for key in ("rolling", "integrator", "x", "y"))
     with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
@@ -144,7 +144,7 @@ def _measured(scene: Scene, settings: Settings, times: Array, ample: bool) -> di
         settings = _ample(settings, theory)
     motion = run(build(scene, settings), times)
     agreement = Agreement(theory, motion)
-    # Use the loads of the whole motion, so that the limits are tested and not their inputs.
+    # Use the loads of the whole motion, to test the limits and not an estimate of the loads.
     plan = PlannedRun(scene, settings, float(times[-1]), theory.loads)
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: known(getattr(agreement, name)) for name in names}
@@ -152,7 +152,7 @@ def _measured(scene: Scene, settings: Settings, times: Array, ample: bool) -> di
         "outcome": classify(motion.report.faults, _largest_error(errors)).name,
         **errors,
         "faults": [str(fault) for fault in motion.report.faults],
-        # The user's precheck, which does not know the motion yet.
+        # The check that a user gets before a run, without the loads of the motion.
         "foretold": [*exceeded(scene, settings, times)],
         "nearness": {name: known(check.nearness) for name, check in limit_checks(plan).items()},
         "steps": motion.report.steps,
@@ -169,7 +169,7 @@ def _speed_scale(scene: Scene) -> float:
 def _sample_times(scene: Scene, settings: Settings, duration: float | None) -> Array:
     """Return the sample times (n,) of a cell, at multiples of its timestep [s].
 
-    Without a duration they cover a few turns of the ball and at least _LEAST_STEPS steps.
+    Without a duration, the times cover a few turns of the ball and at least _LEAST_STEPS steps.
     """
     step = settings.timestep or TIMESTEP
     if duration is None:
@@ -180,7 +180,7 @@ def _sample_times(scene: Scene, settings: Settings, duration: float | None) -> A
 
 
 def _ample(settings: Settings, theory: Motion) -> Settings:
-    """Raise the friction to at least _AMPLE times the motion's demand."""
+    """Raise the friction to at least _AMPLE times the friction that the motion needs."""
     chosen, loads = Resolved(theory.scene, settings), theory.loads
     slide, spin, _ = chosen.friction
     return replace(
@@ -220,12 +220,13 @@ def missed(result: Result) -> bool:
 def measured_limits(results: Sequence[Result]) -> Iterator[dict[str, Any]]:
     """Yield each limit that some cells exceed: where it is predicted, and where runs break.
 
-    A row has the limit's `name`; `kept`, the largest value of an unbroken run; `broken`, the
-    smallest value of a broken run for which no other limit was nearer, or None; and `cells`, the
-    number of cells beyond it. Values are relative to the predicted limit: 1 if it is exact.
+    `name` is the name of the limit. `kept` is the largest value of an unbroken run. `broken` is the
+    smallest value of a broken run for which no other limit was nearer, or None. `cells` is the
+    number of cells beyond the limit. Values are relative to the predicted limit; they are 1 if the
+    prediction is exact.
 
-    A run beyond a limit of stability is broken if it diverges or loses contact, and beyond other
-    limits if its error exceeds the tolerance.
+    A run beyond a limit of stability is broken if it diverges or loses contact. A run beyond
+    another limit is broken if its error exceeds the tolerance.
     """
     known = [(result, _nearness(result)) for result in results if result.record]
     for name in dict.fromkeys(name for _, nearness in known for name in nearness):
@@ -256,7 +257,7 @@ def _broke(result: Result) -> bool:
 
 
 def _nearness(result: Result) -> dict[str, float]:
-    """Return each limited quantity over its limit; empty for a refused cell."""
+    """Return each limited quantity divided by its limit; empty for a refused cell."""
     numbers = (result.record or {}).get("nearness", {})
     return {name: np.inf if value is None else value for name, value in numbers.items()}
 
@@ -281,9 +282,9 @@ def summary(maps: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
 
 
 def totals(results: Sequence[Result]) -> dict[str, int]:
-    """Count the wrong runs, by who reported them, and the accurate runs that raised an alarm.
+    """Count the wrong runs, by who reported them, and the accurate runs with a false alarm.
 
-    A run is wrong if its error is above WRONG or if it broke off. The engine reports a run that
+    A run is wrong if its error is above WRONG or if it failed. The engine itself reports a run that
     ended in a state that is not a number.
     """
     ran = [result for result in results if _outcome_of(result) is not Outcome.REFUSED]
@@ -335,7 +336,7 @@ _LIMIT_COLUMNS = (
 )
 
 
-# Distinct for colour-blind readers, and in grey.
+# Colours that are distinct for colour-blind readers, and in grey.
 _COLOURS = {
     f"right: error at most {ERROR_TOLERANCE:g}": "#A6D0EA",
     "wrong, with a fault": "#F0B040",
@@ -387,7 +388,7 @@ def _panel(axes: Axes, results: Sequence[Result]) -> None:
     axes.grid(visible=False)
     codes = np.reshape([*map(_colour_of, results)], shape)
     colours: Any = {"cmap": ListedColormap([*_COLOURS.values()]), "vmin": -0.5, "vmax": 2.5}
-    # Cells come row by row. They have equal sizes, although their values may be decades apart.
+    # Cells are in row order. Cells have equal sizes, although their values may be decades apart.
     axes.pcolormesh(codes, edgecolors="white", linewidth=0.5, **colours)
     nearest = [max(_nearness(result).values(), default=np.nan) for result in results]
     # Contours need finite values; far from a limit only the side matters.
@@ -419,7 +420,7 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
 
 
 def map_extremes(names: Sequence[str], sweep: Sweep) -> int:
-    """Run the named maps, all without names, and present them; return the exit status."""
+    """Run and present the named maps, or all if no name is given; return the exit status."""
     maps = chosen("map", names, MAPS)
     cut = QUICK if sweep.quick else WHOLE
     found = {

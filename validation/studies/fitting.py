@@ -1,6 +1,6 @@
 """Fit a scene's numbers to a robot's logs.
 
-The result is printed, and written as a scene file, as a page with the residuals, and as JSON.
+The result is printed and written to three files: a scene, a page with residuals, and JSON.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -38,14 +38,14 @@ from ..report import VERDICTS, page, paragraph, plot, table, text
 from ..report.chart import Line, chart, legend
 
 _STRONG = 0.9  # smallest correlation to report
-_GAP = 3.0  # median intervals: a longer one is a gap
-_FAR, _BARS = 4.5, 18  # noises, range of the histogram, and its bars
+_GAP = 3.0  # median intervals; a longer interval is a gap
+_FAR, _BARS = 4.5, 18  # range of the histogram in noises, and number of bars
 _LONGEST_NAME = 100  # characters; a longer file name ends with a checksum
 _COLOURS = [colour for colour, _, _ in PRESET_LOOKS.values()]
 
 
 def lines(fitted: Fitted) -> Iterator[str]:
-    """Yield the report of a fit, one fact per line: the verdict, then what remains uncertain."""
+    """Yield the report of a fit, one fact per line: the verdict, then the uncertainties."""
     probability = fitted.probability
     chi2 = f"χ²/n = {fitted.chi2 / fitted.degrees:.4g} with n = {fitted.degrees} degrees of freedom"
     if fitted.explains and not _constrained(fitted):
@@ -134,7 +134,7 @@ def _fit_page(scene: str, fitted: Fitted) -> str:
 
 
 def _sensor_plots(sensor: SensorFit) -> str:
-    """Return plots of the readings over the model, of the residuals, and of their histogram."""
+    """Return plots of the readings and the model, of the residuals, and of their histogram."""
     scaled, steps = sensor.residuals / sensor.noise, np.diff(sensor.times)
     names = "xyz" if scaled.shape[1] > 1 else (sensor.name,)
     looks = [LineStyle(*look[:2]) for look in zip(names, _COLOURS, strict=False)]

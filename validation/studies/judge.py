@@ -1,8 +1,8 @@
 """Compare trajectory files with the equations, and find mistakes in their conventions.
 
-The errors of a file are computed as in `Agreement`, with slip and spin if its rates are known.
-`mistakes.py` finds the mistakes that explain these errors, and the file is judged again without
-them.
+The errors of a file are computed as in `Agreement`, with slip and spin if the file's rates are
+known. `mistakes.py` finds the mistakes that explain these errors. The file is judged again with
+these mistakes corrected.
 """
 
 import contextlib
@@ -40,11 +40,11 @@ from ..output import known, plain_table, print_whole, progress_bar, scientific, 
 from .left_out import PHYSICS, left_out
 from .mistakes import Errors, Mistake, Search, reference_of, rows_of
 
-_ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
-_ROWS = 20_000  # that are judged, at most, where the frame turns little between them
+_ENOUGH = 0.1  # of the scene's duration; a file that covers less is too short to agree
+_ROWS = 20_000  # most rows that are judged, if the frame turns little between them
 _TURN = 0.1  # rad
 _CLOCKS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
-_SHORTEST = 0.01  # of the scene's duration, that a file covers whose clock has another unit
+_SHORTEST = 0.01  # of the scene's duration; shortest file in another unit of time
 _LONGEST = 100  # scene durations; the times of a longer file are in another unit
 _EXACT = 1e-9  # radii; a smaller error of height is rounding and is not reported
 _ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error", "height_error")
@@ -52,19 +52,20 @@ _ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error", "hei
 
 @dataclass(frozen=True)
 class _Comparison:
-    """Compare a recorded motion with the equations' motion; None where the file lacks a column.
+    """Compare a recorded motion with the reference; None if the file lacks a column.
 
     Attributes
     ----------
     momentum_known_to : float
-        The part of `momentum_error` that numerical rates may have made.
+        The part of `momentum_error` that may come from rates computed from samples.
     level : float, m
         The height at which z should stay: the radius, or 0 if z is the height of the contact point.
     slip, spin : (float, float) or None
-        The largest slip [m/s] and spin [rad/s], each with its error from numerical rates.
+        The largest slip [m/s] and spin [rad/s], each with its error due to rates computed from
+        samples.
     hinge_rates : dict of str to (float, float)
-        For each hinge with a known rate, its relative RMS error, and the factor by which the
-        reference's rate fits the file's rate in least squares.
+        For each hinge with a known rate: the rate's relative RMS error, and the factor that fits
+        the reference's rate to the file's rate by least squares.
     """
 
     motion: RecordedMotion
@@ -124,23 +125,24 @@ def _largest(values: Array, errors: Array) -> tuple[float, float] | None:
 
 @dataclass(frozen=True)
 class FileJudgement:
-    """Judge a trajectory as written, and with its mistakes undone.
+    """Hold the judgement of a trajectory, as written and with its mistakes corrected.
 
     Attributes
     ----------
     trajectory : Trajectory
         The trajectory as written.
     plain : Comparison
-        Its comparison with the equations.
+        The comparison of the trajectory as written with the equations.
     search : Search
         The search for mistakes in conventions and in the scene.
     mistakes : tuple of Mistake
-        The mistakes that explain the errors, the largest first, and the physics left out.
+        The mistakes that explain the errors, the largest first, and the physical effect that the
+        simulation left out.
     corrected : Comparison or None
-        The comparison with the mistakes undone, and with the scene that was simulated instead. None
-        if no mistake was found.
+        The comparison with the mistakes corrected, also mistakes in the scene. None if no mistake
+        was found.
     tolerance : float
-        The largest error that agrees.
+        The largest error with which a file agrees.
     """
 
     trajectory: Trajectory
@@ -157,7 +159,7 @@ class FileJudgement:
 
     @property
     def other_scene(self) -> str | None:
-        """The name of the scene in the file's header, if it differs from the scene judged by."""
+        """The name of the scene in the file's header, if it differs from the given scene."""
         header = self.trajectory.header or {}
         written = header.get("scene_toml", "").strip()
         with contextlib.suppress(InputError):  # a rate given by a function cannot be written
@@ -167,7 +169,7 @@ class FileJudgement:
 
     @property
     def best(self) -> _Comparison:
-        """The comparison without the mistakes."""
+        """The comparison with all mistakes corrected."""
         return self.corrected or self.plain
 
     @property
@@ -203,7 +205,7 @@ class Judgement:
     Attributes
     ----------
     scene : Scene
-        The scene that the trajectories were judged by.
+        The scene with which the trajectories were compared.
     files : tuple of FileJudgement
         The judgement of each trajectory.
 
@@ -239,12 +241,12 @@ def judge(
     Parameters
     ----------
     scene : Scene, str or Path
-        The scene that the trajectories are motions of, its name or its file.
+        The scene of the trajectories, its name or its file.
     files : str, Path, Trajectory, or sequence of them
         The files, or trajectories as `read_trajectory` returns them.
     tolerance : float, default 0.01
-        The largest error of path, height over the radius, momentum and hinge rates, relative, and
-        of the attitude in rad.
+        The largest relative error of the path, the momentum and the hinge rates, and the largest
+        error of the height [radii] and of the attitude [rad].
     progress : callable, optional
         Called with the fraction that is done, from 0 to 1.
 
@@ -293,7 +295,7 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
 
 
 def _on_its_clock(scene: Scene, trajectory: Trajectory, tolerance: float) -> FileJudgement:
-    """Judge a trajectory, on another clock if its times are beyond the scene."""
+    """Judge a trajectory, in another unit of time if it is longer than the scene."""
     times, duration = trajectory.times, scene.duration
     for (unit, size), begin in product(_CLOCKS.items(), (0.0, float(times[0]))):
         moved = (times - begin) * size

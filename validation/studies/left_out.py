@@ -1,10 +1,11 @@
-"""Find physics that the program of a trajectory left out or added, from the balance of momentum.
+"""Find physical effects that a simulation left out or added, from the balance of momentum.
 
-About the contact point, L changes by the weight, the plane's resistance and P×v alone, and the
-momentum along a hinge by its weight and its motor. The rest of a file's change is its imbalance.
-Each omission has a signature, the torque that it adds in the file's own states. It is named if the
-imbalance is this torque, with a factor of 1 or, for dampers and frictions, with a positive factor.
-The path is hardly used, so a chaotic motion is judged as well as another.
+About the contact point, only the weight, the plane's resistance and P×v change L. Only the weight
+and the motor change the momentum along a hinge. The imbalance is the remaining change of momentum
+in a file. Each omission has a signature: the torque that it adds in the states of the file. An
+omission is reported if the imbalance equals this torque with a factor of 1 or, for dampers and
+frictions, with any positive factor. The path is hardly used, so a chaotic motion is judged as well
+as a regular motion.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,14 +24,14 @@ from robotball.theory.multibody.derivative import STANDING
 from .mistakes import SURE, Errors, Mistake
 
 PHYSICS = "physics"  # the family of these mistakes
-_KNOWN_TO = 3.0  # an imbalance must be so many times the error of momentum from numerical rates
-_SLIPS = 0.05  # of the speed: less may be a path that lags half a step behind
-_LEAST = 1e-5  # of the momentum: a smaller imbalance is not searched
+_KNOWN_TO = 3.0  # least imbalance, in errors of momentum due to computed rates
+_SLIPS = 0.05  # of the speed; less slip may be a path that lags half a step behind
+_LEAST = 1e-5  # of the momentum; a smaller imbalance is not explained
 _EXACT = 0.05  # largest difference from a factor of 1
 _AS_GOOD = 2.0  # omissions within this factor explain the imbalance equally well
-_TURN = 1e-3  # rad, of a step whose error is computed
+_TURN = 1e-3  # rad, rotation in a step whose error is computed
 _FALLS, _ROWS = 0.1, 2  # relative error of the acceleration in free flight, and rows that show it
-_OFF = 1e-2  # radii: a ball that is so much higher than its lowest place is off the plane
+_OFF = 1e-2  # radii; a ball that is higher than its lowest position by more is off the plane
 
 
 def left_out(motion: RecordedMotion) -> Mistake | None:
@@ -60,7 +61,7 @@ def left_out(motion: RecordedMotion) -> Mistake | None:
 
 
 def _flight(motion: RecordedMotion) -> Mistake | None:
-    """Return that the ball lost contact, if it is off the plane and falls freely."""
+    """Return the loss of contact, if the ball is off the plane and falls freely."""
     times, z, gravity = motion.times, motion.height, motion.scene.gravity_world
     points = np.column_stack([motion.contact_point, z])
     velocities = np.diff(points, axis=0) / np.diff(times)[:, None]
@@ -75,7 +76,7 @@ def _flight(motion: RecordedMotion) -> Mistake | None:
 
 
 def _growth(times: Array, rates: Array) -> Array:
-    """Return the integrals (k, n) of rates, without their means: another start is no omission."""
+    """Return integrals (k, n) of rates minus their means: another start is not an omission."""
     return _centred(np.asarray(cumulative_simpson(rates, x=times, axis=1, initial=0)))
 
 
@@ -83,9 +84,9 @@ def _centred(rows: Array) -> Array:
     return rows - rows.mean(axis=1, keepdims=True)
 
 
-# Attitudes R (n, 3, 3) and states, their momenta (k, n), and the rates of these in the scene. The
-# rows are L along the axes of space, without the vertical one if the ball does not spin, as the
-# plane's torque is then unknown, and the momenta along the hinges that have a motor.
+# Attitudes R (n, 3, 3) and states, their momenta (k, n), and the rates of these momenta in the
+# scene. The rows are L along the axes of space and the momenta along the hinges that have a motor.
+# If the ball does not spin, the vertical row is left out, because the plane's torque is unknown.
 _Balance = tuple[Array, States, Array, Array]
 
 
@@ -127,7 +128,7 @@ def _rows(motion: RecordedMotion, R: Array, forces: Array | Sequence[Array]) -> 
 
 
 def _spins(motion: RecordedMotion) -> bool:
-    """Return whether the ball may spin, so that the plane's torque is known."""
+    """Return whether the ball may spin. Then the plane's torque is known."""
     turning = np.linalg.norm(motion.angular_velocity, axis=1).max()
     return motion.scene.rolling == "classical" or np.abs(motion.spin).max() > _SLIPS * turning
 
@@ -135,7 +136,7 @@ def _spins(motion: RecordedMotion) -> bool:
 def _resistance(
     motion: RecordedMotion, R: Array, states: States, axes: Sequence[Sequence[int]]
 ) -> Array:
-    """Return the rows of a torque against turning about some axes of space, per coefficient [m]."""
+    """Return the rows of a resistance to rotation about some axes of space, per coefficient [m]."""
     against = _in_space(R, states.u[:3]) * axes
     pushed = _in_space(R, np.einsum("ikn,kn->in", states.pushes, states.u))[2]
     weight = motion.scene.ball.mass * motion.scene.gravity_at(motion.times)[:, 2]
@@ -202,7 +203,7 @@ def _signatures(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str
 
 
 def _first_order(motion: RecordedMotion, balance: _Balance) -> Iterator[tuple[str, Array]]:
-    """Yield what a step of a first-order integrator adds to L, per second and step."""
+    """Yield the change of L by a first-order integrator's step, per second and step."""
     times, rates, robot = motion.times, motion.hinge_rates, motion.scene.robot
     R, states, _, known = balance
     shell, omega = R @ robot.moved(motion.hinge_angles)[0][0], _in_space(R, states.u[:3]).T

@@ -1,11 +1,12 @@
 """Lyapunov exponents of a scene, and the attractors that random starts reach.
 
-Periodic drives have a stroboscopic map, which takes an attitude and M over a period. A deviation is
-a small rotation in frame axes [rad] and a change of M in the world over |M|: six numbers, five for
-a rubber ball, whose M is horizontal (3.1). QR decompositions of the map's tangent along a motion
-give the exponents (Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15, 1980; Geist, Parlitz
-and Lauterborn, Progress of Theoretical Physics 83, 1990). Four of the six are 0: deviations along
-the motion and about the vertical do not grow, and M² and (M, γ) are constant.
+With periodic drives there is a stroboscopic map, which maps an attitude and M to their values one
+period later. A deviation is a small rotation in frame axes [rad] and a change of M in world axes
+divided by |M|. These are six numbers, or five for a rubber ball, because its M is horizontal (3.1).
+QR decompositions of the map's tangent along a motion give the exponents (Benettin, Galgani,
+Giorgilli and Strelcyn, Meccanica 15, 1980; Geist, Parlitz and Lauterborn, Progress of Theoretical
+Physics 83, 1990). Four of the six are 0: deviations along the motion and about the vertical do not
+grow, and M² and (M, γ) are constant.
 """
 
 from collections.abc import Callable, Sequence
@@ -80,7 +81,7 @@ def _growth(
 ) -> tuple[Array, ...]:
     """Return the fields of `Growth` with all stretches along the first axis."""
     attitudes, momenta = starts
-    # Begin with changes of M. Rotations leave M constant, so the last deviations would align late.
+    # Begin with changes of M. Rotations leave M unchanged, so the last deviations would align late.
     first = np.eye(6)[:, k - 1 :: -1]
     first[:3, -1] = ANY_TURN
     along, stretches = np.tile(first, (len(attitudes), 1, 1)), []

@@ -3,8 +3,8 @@
 Costs are relative to a bare loop of mj_step in the same process, because seconds depend on the
 machine, its speed, and other work. The ratio of two successive measurements is reproducible.
 
-The order is the slope of a straight line through ln(error) over ln(step). Long steps, at which the
-leading term does not dominate, and short steps, at which the error stalls, are left out.
+The order is the slope of a straight line through points (ln(step), ln(error)). Long steps, at which
+the leading term does not dominate, and short steps, at which the error stalls, are left out.
 """
 
 import statistics
@@ -24,7 +24,7 @@ from robotball.rotations import Array
 
 _MINIMAL = PRESETS["accurate"]  # settings of the bare loop, on fig12
 _LEAST = 3  # points of a line
-_STALLED = 0.5  # errors stall if they fall with less than this power of the step
+_STALLED = 0.5  # errors stall if they fall with a lower power of the step than this
 _SOUND = 5.0  # the line uses errors above this multiple of the stalled error
 _STRAIGHT = 0.04  # largest root mean square distance of the points from a line, in ln(step)
 _STEPS = 250  # steps of the bare loop per measurement
@@ -40,7 +40,7 @@ class Cost:
     Attributes
     ----------
     ratios : tuple of float
-        For each round, the processor time over the bare loop's time of a simulated second.
+        For each round, the processor time divided by the bare loop's time, for a simulated second.
     baseline : float, s
         The median processor time of a simulated second of the bare loop.
     """
@@ -97,7 +97,7 @@ def simulated_second(model: Model, times: Array) -> _Work:
     def work() -> float:
         motion = run(model, times)
         report = motion.report
-        # A run that breaks off has continued up to the next sample time.
+        # A run that fails has continued up to the next sample time.
         broken = len(motion.times) < len(times)
         return report.seconds / (report.steps * report.timestep if broken else float(times[-1]))
 
@@ -107,7 +107,7 @@ def simulated_second(model: Model, times: Array) -> _Work:
 def measure_costs(
     works: Sequence[_Work], rounds: int = 5, show: Callable[[int], object] = lambda done: None
 ) -> list[Cost]:
-    """Measure all works in each round, each between two bare loops, after a warm-up round.
+    """Measure all works in each round, every work between two bare loops, after a warm-up.
 
     `show` is called with the number of works done, out of (rounds + 1) * len(works).
     """
@@ -159,14 +159,14 @@ class Order:
 def fit_order(
     steps: Sequence[float], errors: Sequence[float | None], floor: float = 0.0
 ) -> Order | None:
-    """Fit the order over the longest straight part of the errors. None without such a part.
+    """Fit the order over the longest straight part of the errors. None if there is no such part.
 
     Parameters
     ----------
     steps : (n,)
         Positive steps in any order and unit.
     errors : (n,)
-        The errors; None for a run that broke off.
+        The errors; None for a run that failed.
     floor : float
         The uncertainty of the errors; smaller errors are ignored.
     """
@@ -174,7 +174,7 @@ def fit_order(
     # Near the stall the errors fall more slowly than the power law.
     clear = e > max(floor, _SOUND * (stalled_at(steps, errors) or 0.0))
     x, y = np.log(h[clear]), np.log(e[clear])
-    # The longest straight part, not the straightest: any two points are straight.
+    # The longest straight part, not the straightest part: any two points are on a line.
     for length in range(len(x), _LEAST - 1, -1):
         # Try parts with short steps first, because there the leading term dominates.
         for begin in range(len(x) - length, -1, -1):

@@ -1,8 +1,9 @@
 """Search for mistakes that explain the difference between a trajectory and the reference.
 
-A mistake is a wrong convention of a file's numbers, or another scene. Each known mistake is undone
-alone. The one that reduces the errors most is accepted, and the search continues with the remaining
-errors. Conventions are tried first because they are cheap; other scenes must be integrated.
+A mistake is a wrong convention of a file's numbers, or the simulation of another scene. Each known
+mistake is corrected separately. The mistake whose correction reduces the errors most is accepted,
+and the search continues with the remaining errors. Conventions are tried first because they are
+cheap; other scenes must be integrated.
 """
 
 import contextlib
@@ -34,36 +35,38 @@ from robotball.rotations import (
     rotation_matrix,
 )
 
-_FLOOR = 1e-6  # relative, rad; smaller errors count as this one
-_SAMPLES = 400  # on which a convention is tried
+_FLOOR = 1e-6  # relative, rad; smaller errors count as this error
+_SAMPLES = 400  # samples on which a convention is tried
 _NEAR = 1.3  # a factor of length closer to 1 may be an engine's error, so it is not tried as a unit
-_STRETCHES = 400  # tried before the best one is refined
+_STRETCHES = 400  # stretches of time that are tried before the best one is refined
 _LONGEST = 0.1  # largest stretch as a fraction of the time
-_LATE = 0.5  # of the scene: the latest beginning of a file whose clock then starts at 0
-_LESSENS = np.log(5.0)  # a mistake must reduce one of the errors to a fifth
-# Factors by which mistakes must divide the typical error and the root mean square of all errors
-# together. Measured: 1.008 by chance, at least 2.9 and 1.28 if a planted mistake is undone.
+_LATE = 0.5  # of the duration: latest first time of a file whose clock is then set to 0
+_LESSENS = np.log(5.0)  # correcting a mistake must reduce one error to a fifth
+# Correcting mistakes must divide the typical error and the root mean square of all errors together
+# by these factors. Measured: 1.008 by chance, at least 2.9 and 1.28 if a planted mistake is
+# corrected.
 _MOST = (2.0, 1.1)
 # Largest remaining fraction of the typical error and of the root mean square, in path, attitude or
-# ω. Measured: at most 0.09 and 0.30 if a planted mistake is undone; the rest is the engine's error.
+# ω. Measured: at most 0.09 and 0.30 if a planted mistake is corrected; the rest is the engine's
+# error.
 _REMAINING = ((0.1,), (1 / 3,))
 SURE = 0.1  # a mistake is certain if at most this fraction of its largest error remains
-_SPOILS = np.log(3.0)  # largest factor by which a mistake may increase another error
+_SPOILS = np.log(3.0)  # a correction may increase another error by at most this factor
 _AS_GOOD = np.log(1.5)  # mistakes within this factor explain the errors equally well
 _SOUND = 1e-3  # relative, rad; below such errors of path and attitude no other scene is tried
 _CLEAR = np.log(1e-2), 0.1  # typical and largest error below which a convention explains all
-# Slip below this part of the speed is ignored. A limit of friction is measured where the slip is at
-# least this part of the largest one.
+# Slip below the first fraction of the speed is ignored. A limit of friction is measured at times
+# when the slip is at least the second fraction of the largest slip.
 _SLIPS, _FAST = 0.05, 0.3
 _LARGEST = 5.0  # of the sliding friction; if a file needs more, its units or axes are wrong
-# Friction of a floor left at the default of MuJoCo, or of Bullet and PhysX; they take the larger
-# one of two materials, the product, and the mean.
+# Friction of a floor with the default value of MuJoCo, or of Bullet and PhysX. For two materials
+# MuJoCo takes the larger friction, Bullet the product and PhysX the mean.
 _DEFAULTS = 1.0, 0.5
 _MOST_MISTAKES = 4  # mistakes searched for in one file
 _TRIED = 1e-9  # rtol of a mistaken scene's motion, far below the errors that matter
 _SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
 _NOT_THE_RATE = "the angular velocity is not the rate of the attitude"
-_ASTRAY = 1e-2  # relative error of ω from which it is computed anew; half a step late has less
+_ASTRAY = 1e-2  # relative error of ω; above, ω is recomputed. A delay of half a step has less
 _FINE = 4000  # samples of a motion that is interpolated
 _XYZ = "x, y, z"
 _SPELT = {"in": "inches", "ft": "feet", "um": "µm", "rev/s": "revolutions per second"}
@@ -93,7 +96,7 @@ class _Truth:
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of path, over its length, attitude [rad], ω and momentum, relative; or None."""
+    """Errors of path, ω and momentum, relative, and of attitude [rad]; None if unknown."""
 
     path: float | None = None
     attitude: float | None = None
@@ -131,7 +134,7 @@ def _typical(errors: tuple[Array, ...], times: Array) -> Array:
     """Return the mean over ln(t) of the logarithm of each error, (2 or 3,), at times (n,).
 
     An engine's error is small at first, whereas a mistake acts from the beginning. At the end of a
-    chaotic motion both are as large as possible, so early samples get more weight.
+    chaotic motion both errors are as large as possible, so early samples get more weight.
     """
     weights = 1 / (times - times[0] + times[1] - times[0])
     logarithms = np.log(np.maximum(errors, _FLOOR))
@@ -145,7 +148,7 @@ _Parts = dict[str, _Change]
 
 @dataclass(frozen=True)
 class _Convention:
-    """A mistake in conventions: its name, the function that undoes it, and its number of parts."""
+    """A mistake in conventions: its name, its correction, and its number of parts."""
 
     family: str
     name: str
@@ -182,7 +185,7 @@ def _right(q: Array) -> _Change:
 
 
 def _attitudes(truth: _Truth) -> list[_Parts]:
-    """Return the orders and directions of the quaternion, and the bodies that it may describe."""
+    """Return the mistakes in the quaternion's order and direction, and in the body it describes."""
     orders = {
         "the quaternion's order is x, y, z, w": _attitude(lambda q: q[:, [3, 0, 1, 2]]),
         "qx, qy, qz, qw hold w, x, y, z": _attitude(lambda q: q[:, [1, 2, 3, 0]]),
@@ -232,7 +235,7 @@ def _resized(size: float) -> _Change:
 
 
 def _positions() -> list[_Parts]:
-    """Return origins, units, and axes of the plane."""
+    """Return the mistakes in the origin, the units, and the axes of the plane."""
     origins = {"the path does not start at (0, 0)": _position(lambda p: p - p[0])}
     lengths = {
         f"the positions are in {unit}": _resized(size)
@@ -259,7 +262,7 @@ def _rated(change: Callable[[Array, Trajectory], Array]) -> _Change:
 
 
 def _rates(truth: _Truth) -> list[_Parts]:
-    """Return units, signs and axes of ω, and the bodies it may describe."""
+    """Return the mistakes in the units, signs and axes of ω, and in the body it describes."""
     scene, to_frame = truth.motion.scene, _in_shell(truth, -1)
     relative = np.outer(truth.motion.hinge_rates[:, 0], scene.ball.shell.axis)
     of = "the angular velocity"
@@ -290,7 +293,7 @@ def _rotated(v: Array, attitude: Array) -> Array:
 
 
 def _worlds(has_height: bool) -> Iterator[tuple[str, _Change]]:
-    """Yield other axes of the world, with the scene's frame axes or with likewise renamed ones."""
+    """Yield other axes of the world, with the scene's frame axes or frame axes renamed alike."""
     for S in _signed_permutations():
         if np.array_equal(S, np.eye(3)) or not (has_height or abs(S[2, 2]) == 1):
             continue
@@ -302,7 +305,7 @@ def _worlds(has_height: bool) -> Iterator[tuple[str, _Change]]:
 
 
 def _seen_from(S: Array, both: bool = True) -> _Change:
-    """Undo axes of the world, and of the frame if both, whose i-th axis is row i of S."""
+    """Undo world axes, and frame axes too if `both`, whose i-th axis is row i of S."""
     proper = S * np.linalg.det(S).round()  # a mirror image reverses rotation vectors
     turn = from_matrix(proper)
 
@@ -387,7 +390,7 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 
 
 def _with_rates(scene: Scene, hinges: list[int], factor: float) -> tuple[Scene, ...]:
-    """Scale the rates of hinges, and keep in turn M, the frame's ω, and the shell's ω."""
+    """Scale the rates of hinges; keep M, the frame's ω and the shell's ω, one per scene."""
     rates = {scene.hinges[i].name: scaled_rate(scene.drives[i], factor) for i in hinges}
     changed = scene.with_hinges(command=rates)
     scenes = [changed, _kept(changed, scene)]
@@ -429,7 +432,7 @@ def _level(scene: Scene, M: Array) -> Array:
 
 
 def _slipping_scene(scene: Scene, file: Trajectory, truth: _Truth) -> Scene | None:
-    """Return the scene with the limits of friction and the slip of its start that a file shows."""
+    """Return the scene with the friction limits and the initial slip that a file shows."""
     a, times, points = scene.ball.radius, file.times, file.position[:, :2]
     omega = (file if file.angular_velocity is not None else _with_own_rate(file)).angular_velocity
     shell = np.asarray(omega) - np.outer(truth.motion.hinge_rates[:, 0], scene.ball.shell.axis)
@@ -454,7 +457,7 @@ def _slipping_scene(scene: Scene, file: Trajectory, truth: _Truth) -> Scene | No
 
 
 def _slip_name(scene: Scene) -> str:
-    """Return the friction and the start of a scene that slips, in the keys of a scene file."""
+    """Return the friction and the start of a scene that slips, as keys of a scene file."""
     friction, (x, y, spin) = scene.friction, scene.start.slip.tolist()
     limits = {"sliding": friction.sliding, "torsional": friction.torsional}
     keys = [f"friction.{key} = {limit:.2g}" for key, limit in limits.items() if limit is not None]
@@ -475,10 +478,10 @@ def _least(error: Callable[[float], float], tried: Array, xatol: float) -> float
 
 
 def _error_at(file: Trajectory, reference: Motion) -> Callable[[Array], float]:
-    """Return a function of other times (n,) [s] of the rows: the trajectory's error.
+    """Return a function of times (n,) [s]: the trajectory's error if its rows had these times.
 
-    It is the root mean square of the relative path error and the attitude error. Rows with times
-    outside the reference are ignored.
+    The error is the root mean square of the relative path error and the attitude error. Rows with
+    times outside the reference are ignored.
     """
     nodes = reference.times
     values = np.column_stack([reference.contact_point, continuous(reference.attitude)])
@@ -497,7 +500,7 @@ def _error_at(file: Trajectory, reference: Motion) -> Callable[[Array], float]:
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake, the errors with and without it, and equally good alternatives."""
+    """A mistake, the errors before and after its correction, and equally good alternatives."""
 
     family: str
     name: str
@@ -507,7 +510,7 @@ class Mistake:
 
     @property
     def left(self) -> float:
-        """The smallest remaining fraction of the largest error of any kind."""
+        """The smallest fraction, among the kinds of error, of the largest error that remains."""
         pairs = zip(astuple(self.after), astuple(self.before), strict=True)
         return min((after / before for after, before in pairs if before), default=SURE)
 
@@ -530,7 +533,7 @@ def _truth_of(theory: Motion, times: Array, step: int = 1) -> _Truth:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A mistake to try: rows of the file with the mistake undone, and their expected values."""
+    """A mistake to try: the file's rows with the mistake corrected, and their expected values."""
 
     family: str
     name: str
@@ -564,9 +567,9 @@ class Search:
     mistakes : tuple of Mistake
         The mistakes found.
     scene : Scene
-        The scene that was simulated, as far as the mistakes show.
+        The scene that was simulated, according to the mistakes.
     corrected : Trajectory
-        The trajectory with wrong conventions undone.
+        The trajectory with its conventions corrected.
     theory : Motion
         The motion of `scene` at the times of `corrected`.
     at : slice
@@ -576,11 +579,11 @@ class Search:
     def __init__(self, trajectory: Trajectory, theory: Motion) -> None:
         """Search a trajectory; the theory is its reference."""
         self.trajectory, self.theory = trajectory, theory
-        # At most 2 * _SAMPLES rows at equal distances, including the first.
+        # At most 2 * _SAMPLES rows, equally spaced, including the first row.
         self.at = slice(None, None, max(1, len(trajectory.times) // _SAMPLES))
         rows = rows_of(trajectory, self.at)
         truth = _truth_of(theory, trajectory.times, self.at.step)
-        # The file as written, then with each accepted mistake undone as well.
+        # The file as written, then with each accepted mistake corrected too.
         self._accepted = [_Candidate("", "", 0, rows, truth, theory.scene)]
         self.plain = _largest(self._accepted[0].errors)
         self.mistakes = tuple(self._mistakes())
@@ -590,9 +593,10 @@ class Search:
     def _mistakes(self) -> list[Mistake]:
         """Return the mistakes that explain the errors.
 
-        Each mistake, with the mistakes after it, must remove most of the errors before it, and
-        nearly all error of path, attitude or ω. An unknown mistake can look like a known one that
-        reduces one error by chance, or only at the beginning. Such a candidate is dropped.
+        Correcting a mistake and all later ones must remove most of the errors that were left
+        before, and nearly all of the error of path, attitude or ω. An unknown mistake can look like
+        a known mistake whose correction reduces one error by chance, or only at the beginning. Such
+        a candidate is dropped.
         """
         tried = list(self._lessening())
         left = [candidate.sizes for candidate in self._accepted]
@@ -601,7 +605,7 @@ class Search:
         return tried[: explain[-1]]
 
     def _lessening(self) -> Iterator[Mistake]:
-        """Yield mistakes that each reduce the errors left by the mistakes before it."""
+        """Yield mistakes; correcting each one reduces the errors that remain."""
         while len(self._accepted) <= _MOST_MISTAKES:
             now = self._accepted[-1]
             before = _largest(now.errors)
@@ -623,7 +627,7 @@ class Search:
                 candidates += [*self._clocks(), *self._slipping()]
                 best = _best(candidates, now)
             if _RATE not in families and (before.rate or 0.0) > _ASTRAY:
-                # Otherwise limited rates would be called by the nearest convention.
+                # Otherwise limited rates would get the name of the nearest convention.
                 recomputed = _best([self._rate_of_attitude()], now)
                 if recomputed and (best is None or _is_closer(recomputed[0], best[0])):
                     best = recomputed
@@ -639,7 +643,7 @@ class Search:
         if not accepted:
             return self.trajectory
         last = accepted[-1]
-        # Another clock is the same for all rows.
+        # A mistake in the clock is the same for all rows.
         (begin, end), (before, after) = last.file.times[[0, -1]], first.file.times[[0, -1]]
         times = begin + (self.trajectory.times - before) * ((end - begin) / (after - before))
         file = replace(self.trajectory, times=times, momentum=None)
@@ -664,13 +668,13 @@ class Search:
         file, candidates = self._accepted[-1].file, []
         for name, scenes in _mistaken_scenes(self._accepted[-1].scene):
             for scene in scenes:
-                with contextlib.suppress(InputError):  # nobody can have simulated such a ball
+                with contextlib.suppress(InputError):  # skip balls that nobody can have simulated
                     truth = _truth_of(reference_of(scene, file.times, rtol=_TRIED), file.times)
                     candidates.append(_Candidate(_SCENE, name, 1, file, truth, scene))
         return candidates
 
     def _clocks(self) -> Iterator[_Candidate]:
-        """Yield the scene's own motion on another clock."""
+        """Yield the scene's motion at times of another clock."""
         file, scene = self._accepted[-1].file, self._accepted[-1].scene
         factors = np.linspace(1 - _LONGEST, 1 + _LONGEST, _STRETCHES + 1)
         late = np.linspace(-_LATE * scene.duration, file.times[0], _STRETCHES + 1)
@@ -682,20 +686,20 @@ class Search:
     ) -> Iterator[_Candidate]:
         file, scene = self._accepted[-1].file, self._accepted[-1].scene
         end = float(clock(tried[0])[-1])
-        with contextlib.suppress(InputError):  # a drive may end before
+        with contextlib.suppress(InputError):  # a drive may end before that time
             error = _error_at(file, integrate(scene, np.linspace(0, end, _FINE), rtol=_TRIED))
             best = _least(lambda x: error(clock(x)), tried, 1e-7)
             right = replace(file, times=clock(min(best, float(tried[-1]))))
             truth = _truth_of(reference_of(scene, right.times, rtol=_TRIED), right.times)
             name = f"the times are {name.format(best)}"
             candidate = _Candidate(_TIME, name, 1, right, truth, scene)
-            # A wrong clock shows in ω too. Another inertia may slow down the path alone.
+            # A wrong clock changes ω too. A wrong inertia may slow down only the path.
             gain = self._accepted[-1].typical - candidate.typical
             if file.angular_velocity is None or gain[2] >= _LESSENS:
                 yield candidate
 
     def _slipping(self) -> Iterator[_Candidate]:
-        """Yield the scene with the limits of friction and the slip of its start that fit best."""
+        """Yield the scene with the friction limits and the initial slip that fit best."""
         now = self._accepted[-1]
         if found := _slipping_scene(now.scene, now.file, now.truth):
             with contextlib.suppress(InputError):
@@ -713,7 +717,7 @@ def _with_own_rate(file: Trajectory) -> Trajectory:
 
 
 def _explain(after: Array, before: Array) -> bool:
-    """Return whether most of all errors together are gone, and nearly all of one of them."""
+    """Return whether most of the total error is gone, and nearly all of one error."""
     all_together = np.linalg.norm(after, axis=1) * _MOST < np.linalg.norm(before, axis=1)
     return bool(all_together.all() and (after < _REMAINING * before).all(axis=0).any())
 

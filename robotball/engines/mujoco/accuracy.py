@@ -1,9 +1,9 @@
 """Choose settings that reach a requested path error, and check the error of a finished run.
 
-Settings come in two families: MuJoCo's RK4, and steps of order 8. Two cheap runs of RK4 measure the
-scene, and the cost model predicts from them which family is cheaper. No reference is needed. The
-error is estimated from two runs with different steps (Richardson's rule).
-`checked` applies Richardson's rule to a run whose settings were given.
+There are two families of settings: MuJoCo's RK4, and steps of order 8. Two cheap runs of RK4
+measure the scene, and from these runs the cost model predicts which family is cheaper. No reference
+is needed. The error is estimated from two runs with different steps (Richardson's rule). `checked`
+applies Richardson's rule to a run with settings that the user gave.
 """
 
 from dataclasses import replace
@@ -33,26 +33,26 @@ from robotball.robot.drives import seeing_step
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
-# The monitor's tolerance for M and slip, as a multiple of the accuracy, and its largest value. The
-# request is about the path, so M may be off by more.
+# The monitor's tolerance for M and slip, as a multiple of the accuracy, and the largest tolerance.
+# The accuracy is requested for the path, so the error of M may be larger.
 _MONITORED, _MOST_MONITORED = 100.0, 0.1
-_PHASE = 0.32  # rad turned at the scene's rate in a pilot step; RK4 shows its order below it
+_PHASE = 0.32  # rad, rotation at the scene's rate in a pilot step; below, RK4 shows its order
 _STABLE = 1.5  # pilot step times a servo's rate; RK4 diverges at 2.785
 _DRIVE_ERROR = 1e-4  # largest error, relative, of a drive that is sampled at the pilot's steps
-_AIM = 0.9  # part of the accuracy that a corrected step aims at
-# Part of the accuracy that the first steps of order 8 aim at. It is small because a second run
+_AIM = 0.9  # fraction of the accuracy that a corrected step aims at
+# Fraction of the accuracy that the first steps of order 8 aim at. It is small because a second run
 # doubles the time, and a fifth of the error adds only a fifth.
 _CAUTIOUS = 0.2
-_APART = 0.01  # path lengths; runs that differ by more follow no law of errors
+_APART = 0.01  # path lengths; if runs differ by more, no law of errors applies
 _LONGEST = 0.1  # s, steps of order 8; the contact is stable up to 0.25
 # For a varying load: the least order of RK4, and the smallest error that its contact allows, whose
 # time constant is at least two timesteps.
 _VARYING_ORDER, _SOFT = 3.4, 1e-9
 RK4_EVALUATIONS, _ORDER_8_EVALUATIONS = 4, 12  # of the forces per step
-_INSIDE_ORDER = 7.0  # of the samples inside steps of order 8, by the interpolant
-_CERTAIN = 1.25  # factor of an estimate by two runs, which may be a tenth too small
+_INSIDE_ORDER = 7.0  # order of the interpolated samples inside steps of order 8
+_CERTAIN = 1.25  # factor on an estimate from two runs, which may be 10 % too small
 _ALIKE = 0.2  # logarithm of the ratio of steps whose runs are too alike to compare
-_CORRECTIONS = 2  # runs after the first one
+_CORRECTIONS = 2  # number of runs after the first run
 
 
 class _Search:
@@ -63,7 +63,7 @@ class _Search:
     ) -> None:
         self.scene, self.times, self.accuracy, self.progress = scene, times, accuracy, progress
         self.seconds, self.remaining = 0.0, 1.0
-        # A ball at rest has no rate, but a duration.
+        # For a ball at rest there is no rate, so use the duration.
         plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
         self.slips = plan.settings.slips
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
@@ -92,7 +92,7 @@ class _Search:
 
     def reach(self) -> ContactMotion:
         """Measure the scene with two runs of RK4, then use the cheaper family."""
-        longest = PRESETS["fast"].timestep  # the contact of the recipe allows no longer one
+        longest = PRESETS["fast"].timestep  # the recipe's contact allows no longer step
         assert longest is not None
         timestep = min(longest, _PHASE / self.rate / 2)
         if self.servo_rate > 0:
@@ -124,7 +124,7 @@ class _Search:
         return self.result(motion, error)
 
     def by_order_8(self, step: float) -> ContactMotion:
-        """Run with steps of order 8 [s], shorter ones while the estimate exceeds the accuracy."""
+        """Run with steps of order 8 [s], and shorter steps while the estimate is too large."""
         for _ in range(1 + _CORRECTIONS):
             motion = self.made(self.settings(integrator=ORDER_8, timestep=step))
             error = self.by_other_steps(motion)
@@ -136,10 +136,10 @@ class _Search:
         return self.result(motion, error)
 
     def by_other_steps(self, motion: ContactMotion) -> float:
-        """Estimate the path error of a run from one with longer steps, or shorter ones.
+        """Estimate the path error of a run from a run with longer or shorter steps.
 
-        Breakpoints and fast servos may allow no longer steps. Under a varying load the depth of the
-        contact is changed as well.
+        Breakpoints and fast servos may not allow longer steps. Under a varying load the depth of
+        the contact is changed as well.
         """
         settings, step = motion.report.settings, motion.report.timestep
         assert isinstance(settings, Settings)
@@ -165,7 +165,7 @@ class _Search:
         """
         step, end = fine.report.timestep, max(coarse.times, default=0.0)
         ratio = coarse.report.timestep / step
-        # A controller that acts within both steps cuts them to the same length.
+        # A controller that acts within both steps shortens the two steps to the same length.
         if len(fine.times) < len(self.times) or end < fine.times[-1] or ratio == 1.0:
             return np.inf
         difference = path_error(coarse, fine)
@@ -174,7 +174,7 @@ class _Search:
 
     def refinement(self, error: float, order: float) -> float:
         """Return the factor by which to shorten the steps of a run with this error."""
-        # A run that broke off has no error, so its steps are halved.
+        # A failed run has no error, so its steps are halved.
         return float((_AIM * self.accuracy / error) ** (1 / order)) if np.isfinite(error) else 0.5
 
     def order_8_step(self, error: float, timestep: float) -> float:
@@ -231,7 +231,7 @@ class _Search:
 def reach(
     scene: Scene, times: Array, accuracy: float, progress: Progress | None = None
 ) -> ContactMotion:
-    """Return the scene's motion at times (n,) [s] to a path error, as cheaply as is predicted.
+    """Return the scene's motion at times (n,) [s] to a path error, at the least predicted cost.
 
     Warns if the accuracy is not reached.
     """
@@ -239,10 +239,10 @@ def reach(
 
 
 # Factors of the timestep and of the contact's softness in the runs that check a run, with RK4 and
-# with order 8, and the part of the tolerance that the estimated error must not exceed. Runs with
-# longer steps estimate it within a factor of 3, or of 14 where it is large, and runs with shorter
-# steps within 5 %. A contact 16 times as hard could lift the ball off; one 4 times as hard shows
-# 0.8 of the depth's error.
+# with order 8, and the fraction of the tolerance that the estimated error must not exceed. Runs
+# with longer steps estimate the error within a factor of 3, or of 14 if the error is large, and
+# runs with shorter steps within 5 %. A contact 16 times as hard could lift the ball off. A contact
+# 4 times as hard shows 0.8 of the error due to the depth.
 _OTHER, _OTHER_8 = ((2.0, 16.0), (0.5, 0.25)), ((2**0.5, 16.0), (0.5**0.5, 0.25))
 _PARTS = 0.1, 0.75
 
@@ -250,13 +250,13 @@ _PARTS = 0.1, 0.75
 def checked(motion: ContactMotion) -> ContactMotion:
     """Return a motion, with a fault if runs with other steps show that it is inaccurate.
 
-    Only runs of RK4 and RK8 whose M may change are checked, and runs of balls that may slip:
-    elsewhere the change of M shows the error. While a ball slips, the error is of first order.
-    RK4's error goes with the 4th power of the timestep, and the contact's with its depth, which
-    goes with its softness. A run with f times the timestep and f⁴ times the softness therefore
-    differs by |f⁴ - 1| times the error of path and M. Runs with twice the timestep, which take half
-    the time again, clear most runs. Half the timestep decides about the others. The steps of order
-    8 have the same powers of the square root of f.
+    Only runs with RK4 and RK8 are checked, and only if M may change or the ball may slip. In other
+    runs the change of M shows the error. While a ball slips, the error is of first order. RK4's
+    error is proportional to the 4th power of the timestep. The contact's error is proportional to
+    its depth, and the depth to the softness. A run with f times the timestep and f⁴ times the
+    softness therefore differs by |f⁴ - 1| times the error of path and M. Runs with twice the
+    timestep clear most runs and take half of a run's time. For the remaining runs, a run with half
+    the timestep decides. For steps of order 8, the powers apply to the square root of f.
     """
     report, scene, settings = motion.report, motion.scene, motion.report.settings
     constant_momentum = scene.not_reduced is None and not scene.may_slip
@@ -274,7 +274,7 @@ def checked(motion: ContactMotion) -> ContactMotion:
         other = run(build(scene, changed), at)
         measured = path_errors(other, motion) / motion.path_scale, momentum_errors(other, motion)
         ratio = other.report.timestep / report.timestep
-        with np.errstate(all="ignore"):  # the ratio is 1 if a single step spans the run
+        with np.errstate(all="ignore"):  # the ratio is 1 if a single step covers the run
             error = np.maximum(*measured) / abs(ratio**order - 1)
         off = ~(error <= part * tolerated(settings.error_tolerance, other.times))
         seconds += other.report.seconds
@@ -293,7 +293,7 @@ def _in_steps(scene: Scene, settings: Settings, timestep: float, softer: float) 
     unlimited = replace(settings, stop_at_fault=False, max_steps=2**31 - 1)
     if settings.slips:
         return for_slip(scene, unlimited, timestep)
-    if not settings.own:  # its steps may be limited by its tolerance, and its contact is not
+    if not settings.own:  # the tolerance may limit the steps, but not the contact
         tolerance, softness = softer * settings.error_tolerance, softer * settings.softness
         return replace(unlimited, timestep=timestep, softness=softness, error_tolerance=tolerance)
     constant, ratio = settings.solref or (0.0, 0.0)

@@ -1,8 +1,8 @@
 """Control of a run: the values set at every evaluation of the forces, and how steps are taken.
 
-Controls are computed at every evaluation, because controls held over a step would cost RK4 two
-orders. MuJoCo's callbacks only write controls and gravity: MuJoCo 4.0 never returns if a function
-that is called within a callback raises a warning (docs/findings).
+Controls are computed at every evaluation, because controls that are held over a step would lower
+RK4's order by two. MuJoCo's callbacks only write controls and gravity: MuJoCo 4.0 never returns if
+a function that is called within a callback raises a warning (docs/findings).
 """
 
 from bisect import bisect
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _NO_STAGE = int(mujoco.mjtStage.mjSTAGE_NONE)
-# s; the value of a drive at a breakpoint is taken this long before it, because the other side
-# begins there.
+# s. Before a breakpoint a drive is evaluated this much earlier, because the next piece of the drive
+# begins at the breakpoint.
 _INSIDE = 1e-9
-# The parts of steps that a run may take: so many for each planned step, and so many more. A robot
-# that leans over slowly leaves its standstill in up to 11 578 parts of one step, and in 53 000 of
+# A run may take this many parts for each planned step, and this many more in total. A robot that
+# slowly leans over leaves its standstill in up to 11 578 parts of one step, and in 53 000 parts of
 # 10 500 steps.
 _PARTS, _MOST_PARTS = 60, 10_000
 
@@ -41,7 +41,7 @@ _Forward = Callable[[mujoco.MjData, bool], None]
 
 
 class Interpolating(Protocol):
-    """Steps that give the states inside the last one; see `order8`."""
+    """Steps that give the states inside the last step; see `order8`."""
 
     pending: Array
 
@@ -49,7 +49,7 @@ class Interpolating(Protocol):
         """Return the states (m, n) at times (m,) [s] inside the last step."""
 
     def rows(self, data: mujoco.MjData) -> tuple[bool, list[Array]]:
-        """Return whether the last step began on a sample time, and the rows of those inside it."""
+        """Return whether the last step began on a sample time, and the rows inside the step."""
 
 
 def read_row(data: mujoco.MjData) -> Array:
@@ -58,7 +58,7 @@ def read_row(data: mujoco.MjData) -> Array:
 
 
 def state_of(data: mujoco.MjData) -> Array:
-    """Return everything that a step depends on (n,)."""
+    """Return the numbers (n,) that a step depends on."""
     state = np.empty(mujoco.mj_stateSize(data.model, STATE))
     mujoco.mj_getState(data.model, data, state, STATE)
     return state
@@ -96,9 +96,9 @@ class Stretch:
     ends : (m, 2), s
         The begin and end of each span.
     lengths : (m,), s
-        The length of the steps in each.
+        The length of the steps in each span.
     counts : (m,)
-        The number of steps in each.
+        The number of steps in each span.
     samples : (k,)
         The steps, counted over the stretch, that start at a sample time.
     """
@@ -126,11 +126,11 @@ class Portion:
     steps : int
         The number of steps taken.
     longest : float, s
-        The longest of them.
+        The longest of these steps.
     seconds : float, s
-        Their processor time in this thread, which does not depend on how busy the machine is.
+        The processor time of the steps in this thread, which does not depend on other work.
     failure : Fault or None
-        Why the run cannot go on.
+        Why the run cannot continue.
     """
 
     rows: Array
@@ -151,7 +151,7 @@ class Control:
     Attributes
     ----------
     model : Model
-        Its scene has the commands of the controller so far.
+        The model. Its scene has the commands of the controller so far.
     span : (float, float), s
         The smooth span of time that the run is in.
     loop : Loop or None
@@ -169,7 +169,8 @@ class Control:
     timestep : float, s
         The longest step.
     planned, taken : int
-        The number of timesteps so far, and of the steps taken for them, trial steps included.
+        The number of timesteps so far, and the number of steps taken for them, including trial
+        steps.
     """
 
     def __init__(self, model: Model) -> None:
@@ -184,7 +185,7 @@ class Control:
             self.sensed = sensor_reader(self.model)
         self.span: Sequence[float] = (0.0, 0.0)
         self.breakpoints = model.scene.breakpoints
-        # A pyramidal cone has no rows of friction alone.
+        # A pyramidal cone has no rows for friction only.
         elliptic = model.compiled.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
         self.turns = model.scene.plane_turns and elliptic
         self.forward: _Forward = _mujoco_forward
@@ -203,18 +204,18 @@ class Control:
 
     @property
     def is_plain(self) -> bool:
-        """True if a run is nothing but MuJoCo's steps."""
+        """True if a run consists only of MuJoCo's steps."""
         return self.steady and self.steps is None and self.loop is None
 
     def install(self) -> None:
-        """Let MuJoCo call `set` at every evaluation of the forces, unless it would set nothing."""
+        """Make MuJoCo call `set` at every evaluation of the forces, if there is anything to set."""
         # A call of Python takes 8 µs, and steady controls are in MjData already.
         mujoco.set_mjcb_control(None if self.steady and self.friction is None else self.set)
 
     def begin(self, data: mujoco.MjData, span: Sequence[float]) -> None:
         """Begin a smooth span of time [s] from the state of `data`, with the controls of its start.
 
-        A repeated span has the same commands again.
+        If a span is repeated, the commands are the same.
         """
         self.span = span
         if self.loop is not None:
@@ -228,7 +229,7 @@ class Control:
         yield length
 
     def take(self, data: mujoco.MjData, length: float) -> None:
-        """Take one step of a length [s]. Raises TooManyPartsError if too many were taken."""
+        """Take one step of a length [s]. Raises TooManyPartsError after too many parts."""
         self.taken += 1
         if self.taken > _MOST_PARTS + _PARTS * self.planned:
             raise TooManyPartsError(
@@ -256,8 +257,9 @@ class Control:
     def _follow(self, data: mujoco.MjData) -> None:
         """Add the acceleration of a turning plane's surface to the rows of friction.
 
-        MuJoCo leaves it out of its contact rows, as for a frame root: a ball at v would slip by
-        Ωv/b. The rows are set, not changed, as trials at one state call this more than once.
+        MuJoCo leaves this acceleration out of its contact rows, like the term of a frame root: a
+        ball at the velocity v would slip by Ωv/b. The rows are set and not incremented, because
+        trials at one state call this method more than once.
         """
         if not data.ncon or (first := data.contact[0].efc_address) < 0:
             return
@@ -269,11 +271,11 @@ class Control:
         data.efc_aref[rows] = wanted[: len(slip)] - damping * slip
 
     def fall(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Set gravity and the surface, as the moving plane has them, at the time of `data`."""
+        """Set the moving plane's gravity and surface velocity at the time of `data`."""
         scene, t = self.model.scene, self.inside(data.time)
         model.opt.gravity = scene.gravity_at(t)
         if scene.plane_turns:
-            model.flg_surfacevel = True  # it is false if the plane starts from rest
+            model.flg_surfacevel = True  # the flag is false if the plane starts from rest
             if data.ncon:  # MuJoCo counts the velocity of the second geom, the shell, as positive
                 surface = scene.plane_velocity(t, data.qpos[:2]).tolist()
                 data.contact[0].surfacevel = -_in_contact(data, *surface)

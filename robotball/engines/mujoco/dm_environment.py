@@ -1,4 +1,4 @@
-"""The ball as a dm_control environment, in which an agent drives it along a path.
+"""A dm_control environment in which an agent drives the ball along a path.
 
 Only this file imports dm-control, because pip cannot install all its dependencies on Python 3.13.
 """
@@ -37,11 +37,11 @@ def dm_environment(
     control_timestep: float = SAMPLE_INTERVAL,
     largest_action: float | Array | None = None,
 ) -> Any:
-    """Return a dm_control environment of a scene, whose task is to follow a path.
+    """Return a dm_control environment whose task is to drive the ball along a path.
 
     An episode begins at the scene's start and ends with the path. The reward is 1 on the path and
-    0.1 at the distance of a radius. The model is that of `simulate`. An action is held over its
-    step, and MuJoCo limits the torques within a step.
+    0.1 at a distance of one ball radius. The MuJoCo model is the one that `simulate` uses. An
+    action is held for one step of the environment, and MuJoCo limits the torques within this step.
 
     Parameters
     ----------
@@ -55,16 +55,16 @@ def dm_environment(
     control_timestep : float, default 0.02, s
         The duration of an action.
     largest_action : float or (k,), optional
-        The largest size of each action. The default is twice the largest command of the scene, or 1
-        for an actuator without a command.
+        The largest absolute value of each number of an action. The default is twice the largest
+        command in the scene, or 1 for an actuator without a command.
 
     Returns
     -------
     dm_control.rl.control.Environment
-        The environment. An action has a number for each actuator, in the order of the MJCF: the
-        command of a motor, in its unit, or the rate [rad/s] of a prescribed hinge at the end of the
-        step. An observation has the sensors of the MJCF, and "target", the vector from the contact
-        point to the next point of the path, m.
+        The environment. An action has one number for each actuator, in the order of the MJCF. For a
+        motor it is the command, in the command's unit. For a hinge with a prescribed rate it is the
+        rate [rad/s] at the end of the step. An observation has the values of the MJCF's sensors and
+        "target", the vector [m] from the contact point to the next point of the path.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def dm_environment(
 
 
 class _Physics(Physics):  # type: ignore[misc]
-    """A model whose sensors show its current state."""
+    """A MuJoCo model whose sensors show the current state."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -128,8 +128,8 @@ class _Physics(Physics):  # type: ignore[misc]
         self.data = self.model.start_data()
 
     def after_reset(self) -> None:
-        # After a step the sensors show the state before it. The solver's guess is restored, so that
-        # the next step equals that of a run.
+        # After a step the sensors show the state before the step. The solver's initial guess is
+        # restored, so that the next step equals the step that `simulate` takes.
         guess = self.data.qacc_warmstart.copy()
         mujoco.mj_forward(self.model.compiled, self.data)
         self.data.qacc_warmstart[:] = guess
@@ -177,8 +177,8 @@ class _FollowPath(Task):  # type: ignore[misc]
         self.before = np.array([command.rate(0.0) for command in self.commands])
 
     def before_step(self, action: Array, physics: _Physics) -> None:
-        # The control of a prescribed rate is its acceleration. Computed from two actions it is
-        # exactly zero for a repeated action, as in a run.
+        # The control of a hinge with a prescribed rate is an acceleration. It is computed from two
+        # actions, so it is exactly zero for a repeated action, like in `simulate`.
         action = np.array(action, dtype=float)
         slope = (action - self.before) / self.interval
         physics.data.ctrl[:] = np.where(self.prescribed, slope, action)

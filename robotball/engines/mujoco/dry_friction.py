@@ -1,8 +1,9 @@
 """Dry friction of hinges as the torque of the equations, in place of MuJoCo's soft row.
 
-`frictionloss` brakes a rate with the row's time constant and not at once: before a load reverses
-the rate, the row already pushes along it for about 10 ms, at any timestep. The torque changes its
-sign within SLOW [rad/s], so steps are taken in parts there.
+`frictionloss` does not stop a rate at once, but with the time constant of its row: for about 10 ms
+before a load reverses the rate, the row already pushes along the rate, at any timestep. The torque
+of the equations changes its sign within SLOW [rad/s], so steps are taken in parts at such low
+rates.
 """
 
 import mujoco
@@ -14,15 +15,15 @@ from robotball.engines.mujoco.motor_rates import fastest_rate
 from robotball.robot.motors import SLOW
 from robotball.rotations import Array
 
-_HIGH = 12.0 * SLOW  # rad/s: at a higher rate the torque is constant, to 1e-10 of it
-_CHANGE = 0.25 * SLOW  # rad/s: the largest change of a lower rate in a part
+_HIGH = 12.0 * SLOW  # rad/s: at a higher rate the torque is constant to a relative 1e-10
+_CHANGE = 0.25 * SLOW  # rad/s: the largest change in a part of a rate below _HIGH
 STABLE = 2.0  # longest part times the rate at which friction stops a hinge; RK4 is stable to 2.785
 _AIM = 0.9  # of the allowed change
 _LEAST, _MOST = 0.1, 5.0  # of the last part
 
 
 class Parts:
-    """Steps in parts, in which the rates of motors with dry friction change little if they are low.
+    """Steps in parts, in which low rates of motors with dry friction change little.
 
     At rates that are not low, a part is as long as the step.
     """
@@ -73,7 +74,7 @@ class Parts:
         return np.asarray(self.friction.gears @ data.qvel[FREE_QVEL:])
 
     def _used(self, before: Array) -> np.float64:
-        """Return the largest change of a rate in the last part over the allowed one."""
+        """Return the largest change of a rate in the last part, divided by the allowed change."""
         seen = np.array(self.seen)
         high = (np.sign(before) * seen >= _HIGH).all(axis=0) & (np.abs(before) >= _HIGH)
         allowed = np.maximum(np.abs(before) - _HIGH, _CHANGE)

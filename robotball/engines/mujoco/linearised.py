@@ -1,6 +1,6 @@
 """Numbers for the laws of `limits` that no formula gives, from trials at the start.
 
-They are the loads and eigenvalues of MuJoCo's model, and the momentum that a run loses.
+These numbers are the loads and eigenvalues of MuJoCo's model, and the loss of momentum in a run.
 """
 
 from dataclasses import replace
@@ -18,8 +18,8 @@ from robotball.robot.loads import Loads
 from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
-# Half step of central differences, a velocity [m/s or rad/s] or an angle [rad]. Both its square and
-# rounding divided by it are far below the digits of a prediction.
+# Half step of central differences, a velocity [m/s or rad/s] or an angle [rad]. The square of this
+# half step, and rounding divided by it, are far below the digits of a prediction.
 _PUSH = 1e-6
 _MOST_STEPS = 500  # of the short run; the loss of a longer run is extrapolated in proportion
 
@@ -65,7 +65,7 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
 def momentum_loss(scene: Scene, integrator: str, timestep: float, duration: float) -> float:
     """Estimate the relative loss of momentum over a duration [s]; infinite if the run diverges.
 
-    The estimate is from a short run of the recipe's model, which takes some 60 ms.
+    The estimate comes from a short run of the recipe's model, in about 60 ms.
     """
     count = duration / timestep
     steps = float(min(np.ceil(count), _MOST_STEPS))

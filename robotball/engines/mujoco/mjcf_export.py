@@ -1,8 +1,8 @@
 """Export a model: its MJCF with a visual appearance, and a player for changing controls.
 
-A run computes its controls at every evaluation of the forces. The player holds their mean over each
-step, so the hinges have the right rates at its end. The error is then of second order, and the step
-is halved until the error is small.
+A run computes its controls at every evaluation of the forces. The player holds the mean of the
+controls over each step, so the hinges have the right rates at the end of the step. The error is
+then of second order, and the step is halved until the error is small.
 """
 
 from collections.abc import Mapping
@@ -27,9 +27,9 @@ from robotball.rotations import Array, conjugate, rotation_matrix
 from robotball.theory.plane import check_still
 from robotball.user_model.mended_file import in_comment
 
-_AGREES = 1e-6  # of the path: the largest error of held controls
-_STEP = 2e-3  # s, of RK4 in the place of an integrator that is not MuJoCo's
-_HALVINGS = 5  # the largest number of halvings, for 32 times as many rows of controls
+_AGREES = 1e-6  # of the path: largest error due to held controls
+_STEP = 2e-3  # s, step of RK4, which replaces an integrator that MuJoCo does not have
+_HALVINGS = 5  # largest number of halvings, which gives 32 times as many rows of controls
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # for the mean of a command over a step
 _SAMPLES = 200  # of the path of a play
 _WRAP, _COMMENT_LINE = 95, "\n     "  # the width of a comment, and its line break
@@ -62,7 +62,7 @@ class Written:
     xml : str
         The MJCF.
     needs : str, optional
-        Why the MJCF needs the player, in one line. None if it does not.
+        Why the MJCF needs the player, in one line. None if the MJCF alone suffices.
     files : mapping of str to str
         The text of each file by name: the MJCF, and the player with its controls.
     """
@@ -169,14 +169,15 @@ def _words(model: Model, needs: str | None) -> list[str]:
 
 
 def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
-    """Return the step [s] for accurate held controls, else of the settings, and its path error."""
+    """Return a step [s] for accurate held controls, or the settings' step, and its path error."""
     first = build(scene, settings).compiled.opt.timestep
     before, worst = _played(scene, settings, first, 1), 0.0
     # At least the radius, for a ball that hardly moves.
     scale = max(float(np.linalg.norm(np.diff(before, axis=0), axis=1).sum()), scene.ball.radius)
     for parts in (2**i for i in range(1, _HALVINGS + 1)):
         path = _played(scene, settings, first / parts, parts)
-        # Second order: half the step has a quarter of the error, a third of the difference.
+        # With second order, half the step has a quarter of the error, which is a third of the
+        # difference.
         off = float(np.linalg.norm(path - before, axis=1).max()) / scale / 3
         if off < _AGREES / 3:
             return first / parts, off
@@ -185,7 +186,7 @@ def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
 
 
 def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
-    """Return contact points (_SAMPLES, 2) [m] with held controls, `parts` steps for a step."""
+    """Return contact points (_SAMPLES, 2) [m] with held controls; `parts`: steps per interval."""
     model = build(scene, replace(settings, timestep=step))
     data, rows = model.start_data(), _mean_controls(model)
     kept = set((parts * np.linspace(0, len(rows) // parts, _SAMPLES).astype(int)).tolist())

@@ -1,4 +1,4 @@
-"""Compose a scene's MuJoCo model from the parts in mjcf/, without any that the scene does not need.
+"""Compose a scene's MuJoCo model from those parts in mjcf/ that the scene needs.
 
 The model is composed as text, which preserves every double. `MjSpec.attach` composes too, but
 `MjSpec.to_xml` writes six digits.
@@ -28,13 +28,13 @@ from robotball.rotations import Array, multiply, rotation_matrix, z_along
 class ModelHinge(MovedHinge):
     """A hinge of the model, with its joint and actuator.
 
-    Sensors and actuators have its name. A motor is the scene's, and its errors belong to the
-    motion.
+    Sensors and actuators have the hinge's name. A motor belongs to the scene, so its tracking
+    errors are part of the motion.
 
     Attributes
     ----------
     index : int
-        Its index among the scene's hinges.
+        The index of the hinge among the scene's hinges.
     joint : str
         The MJCF name of its joint and of the joint's body.
     actuation : Motor or Prescribed
@@ -50,7 +50,7 @@ class ModelHinge(MovedHinge):
 
     @cached_property
     def actuated(self) -> bool:
-        """True if it has an actuator, that is, unless it is free."""
+        """True if the hinge has an actuator, that is, if it is not free."""
         return not isinstance(self.actuation, Free)
 
     @property
@@ -65,11 +65,11 @@ class ModelHinge(MovedHinge):
 
     @property
     def settles(self) -> bool:
-        """True if its torque depends on its angle or rate, as for all motors except Torque."""
+        """True if the torque depends on the angle or the rate, as in all motors except Torque."""
         return not isinstance(self.actuation, Torque | Prescribed)
 
     def control(self, t: float) -> float:
-        """Return its actuator's control at t [s]: the command, or a prescribed acceleration."""
+        """Return the actuator's control at t [s]: the command, or a prescribed acceleration."""
         prescribed = isinstance(self.actuation, Prescribed)
         return float((self.command.acceleration if prescribed else self.command.rate)(t))
 
@@ -96,7 +96,7 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
 
 @dataclass(frozen=True)
 class GearedMotor:
-    """A motor of a hinge, or an actuator; gears (h,): its ratios to the model's hinges."""
+    """A motor of a hinge, or an actuator, with gear ratios (h,) to the model's hinges."""
 
     name: str
     law: Law
@@ -130,7 +130,8 @@ class DryFriction:
 def friction_of(resolved: Resolved, hinges: tuple[ModelHinge, ...]) -> DryFriction | None:
     """Return the dry friction that a run applies as torques; None if there is none.
 
-    Steps of first order keep MuJoCo's row, because short parts of them would not be accurate.
+    Steps of first order keep MuJoCo's row, because such steps would not be accurate even in short
+    parts.
     """
     dry = [motor for motor in motors_of(resolved.scene, hinges) if motor.law.friction]
     if not dry or resolved.integrator.order == 1:
@@ -145,7 +146,7 @@ START = "start"  # the keyframe that a run begins from
 _PARTS = {Shell: "shell", Frame: "frame", Rotor: "rotor", Pendulum: "pendulum", Link: "pendulum"}
 # The flag that removes MuJoCo's rows of dry friction.
 NO_ROWS = int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
-ROW_DAMPING = 1.8  # of a row of dry friction, times the timestep; MuJoCo divides it by 0.95
+ROW_DAMPING = 1.8  # damping of a row of dry friction, times the timestep; MuJoCo divides it by 0.95
 _LEAST = 1e-14  # kg and kg m², ten times MuJoCo's least mass and inertia
 _SECTIONS = ("option", "worldbody", "contact", "tendon", "actuator", "sensor", "keyframe")
 _FRICTIONS = {3: 2, 4: 3, 6: 5}  # the number of friction coefficients by condim
@@ -162,12 +163,12 @@ class Model:
     settings: Settings
     xml: str
     hinges: tuple[ModelHinge, ...]
-    # The model of another scene with the same text, which is compiled for both.
+    # The model of another scene with the same text, which is compiled for the two scenes.
     original: "Model | None" = field(default=None, compare=False, repr=False)
 
     @cached_property
     def compiled(self) -> mujoco.MjModel:
-        """The MjModel. It belongs to this Model alone, so a run may set its timestep.
+        """The MjModel. It belongs only to this Model, so a run may set its timestep.
 
         Raises InputError if MuJoCo refuses it.
         """
@@ -176,7 +177,7 @@ class Model:
         return _compiled_model(self.xml, self.settings.softness)
 
     def of(self, scene: Scene) -> "Model":
-        """Return the model with a scene that differs in its commands or its start only."""
+        """Return the model with a scene that differs only in its commands or its start."""
         hinges = hinges_of(scene, self.settings)
         return replace(self, scene=scene, hinges=hinges, original=self.original or self)
 
@@ -210,7 +211,7 @@ class Model:
 def build(scene: Scene, settings: Settings, sensed: bool = True) -> Model:
     """Build the model of a scene under settings, with the recipe's values for the scene's load.
 
-    sensed: with the sensors that `readings` needs, which other engines may not have.
+    sensed: add the sensors that `readings` needs; other engines may not support these sensors.
     Raises InputError if MuJoCo refuses the model, or if its contact cannot carry the ball at the
     start.
     """
@@ -241,7 +242,7 @@ def _compose(
     options = {name: value for name, value in fields if hasattr(mujoco.MjOption, name)}
     if not settings.own:
         # RK4 is MuJoCo's best integrator for other programs that run the MJCF. With the timestep of
-        # order 8 its flag refsafe would soften the contact.
+        # order 8, MuJoCo's flag refsafe would soften the contact.
         options |= {"integrator": "RK4", "timestep": None}
     _set(option, gravity=scene.gravity_at(0.0), **options)
     flag = _add(option, "flag", warmstart=settings.warmstart, island=settings.island)
@@ -249,7 +250,7 @@ def _compose(
     _set(flag, autoreset="disable")
 
     # MuJoCo leaves the J̇v term out of its contact rows. With the shell as root this term is zero;
-    # with the frame as root there is a slip of |a (ω×Ω)×γ|/b, 5e-4 to 1e-1 of the path.
+    # with the frame as root the ball slips by |a (ω×Ω)×γ|/b, which is 5e-4 to 1e-1 of the path.
     above = {link.name: link.parent for link in ball.tree}
     if settings.root == "frame":
         if not ball.has_frame:
@@ -288,7 +289,7 @@ def _compose(
         turning["frame" if name == "shell" else name] = (body, axis)
     for hinge in hinges:
         _add_hinge(actuators, hinge, *turning[hinge.name])
-    if settings.solreffriction:  # without one, as in "naive", joints keep MuJoCo's default too
+    if settings.solreffriction:  # if None, as in "naive", joints keep MuJoCo's default too
         for joint in world.iterfind(".//joint[@frictionloss]"):
             _set(joint, solreffriction=friction_reference(resolved.option("timestep")))
 
@@ -311,7 +312,7 @@ def _compose(
 
 
 def start_state(scene: Scene, root: str, hinges: tuple[ModelHinge, ...]) -> tuple[Array, Array]:
-    """Return qpos and qvel of the start, which rolls but for the slip that the scene gives."""
+    """Return qpos and qvel of the start, which rolls or has the scene's slip."""
     start, shell = scene.start, scene.ball.shell
     turning = [scene.hinges[hinge.index] for hinge in hinges]
     # The free joint has its angular velocity in body axes, and its velocity in world axes.
@@ -342,7 +343,7 @@ def _text_of(root: Element) -> str:
 
 
 def _bare(part: str, prefix: str = "") -> Iterator[Element]:
-    """Yield the elements of a part, without the visual ones, which would slow every step."""
+    """Yield the elements of a part, without visual elements, which would slow every step."""
     for element in ElementTree.parse(PARTS / f"{part}.xml").iterfind("worldbody/*"):
         if element.tag != "light" and element.get("class") != "visual":
             element.attrib.pop("material", None)
@@ -376,7 +377,7 @@ def _inertial(body: Element, mass: float, inertia: Array, centre: Array = _ORIGI
 
 
 def friction_reference(timestep: float) -> tuple[float, float]:
-    """Return the solreffriction of a row of dry friction, whose error goes as 1/damping.
+    """Return the solreffriction of a row of dry friction; the error scales with 1/damping.
 
     The damping is the largest at which all integrators are stable.
     """
@@ -400,8 +401,8 @@ def _add_hinge(actuators: Element, hinge: ModelHinge, body: Element, axis: Array
     elif isinstance(motor, PositionServo):
         actuator = _add(actuators, "position", **on, kp=motor.gain, kv=motor.damping)
     elif isinstance(motor, Torque | Prescribed):
-        # The gear makes the control of a prescribed rate its acceleration. MuJoCo sets controls
-        # over 1e10 to zero, and the torques on such an armature are larger.
+        # The gear makes the control of a prescribed rate an acceleration. MuJoCo sets controls over
+        # 1e10 to zero, and the torques on such an armature are larger.
         gear = motor.armature if isinstance(motor, Prescribed) else 1.0
         actuator = _add(actuators, "motor", **on, gear=gear)
     else:
@@ -446,7 +447,7 @@ def _add_actuator(
 
 
 def _add_sensors(sensors: Element, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:
-    """Add the sensors of a Motion; computed in Python they would take 250 µs per sample."""
+    """Add the sensors for a Motion; to compute them in Python would take 250 µs per sample."""
     add = partial(_add, sensors)
     add("clock", name="time")
     add("framepos", name="centre", objtype="xbody", objname="shell")
@@ -478,17 +479,18 @@ def _compiled_model(xml: str, softness: float = 1.0) -> Any:
             model = mujoco.MjModel.from_xml_string(xml)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"MuJoCo refuses the model: {error}") from None
-    # The inverse weights of bodies only scale the regulariser of the constraints. Scaled down, it
-    # becomes smaller than MuJoCo's largest impedance of .9999 makes it.
+    # The inverse weights of bodies only scale the regulariser of the constraints. With smaller
+    # weights the regulariser becomes smaller than MuJoCo's largest impedance of .9999 allows.
     model.body_invweight0[:] *= softness
     return model
 
 
 def carrying_depth(resolved: Resolved, data: mujoco.MjData) -> float:
-    """Return the depth [m] at which the contact carries the weight, for the margin of the pair.
+    """Return the depth [m] at which the contact carries the weight: the pair's margin.
 
-    With this margin the ball starts without vertical acceleration, its centre at the height of its
-    radius. `data` and its model are changed. Raises InputError if the contact has no stiffness.
+    With this margin the ball starts without vertical acceleration, and its centre is at the height
+    of its radius. `data` and its model are changed. Raises InputError if the contact has no
+    stiffness.
     """
     softness, stiffness = resolved.settings.softness, resolved.normal_reference[0]
     if not 0 < stiffness < np.inf:
@@ -499,7 +501,7 @@ def carrying_depth(resolved: Resolved, data: mujoco.MjData) -> float:
     model = data.model
     if softness < 1:
         # So hard a contact hardly slips without the noslip solver, which computes the acceleration
-        # from the forces and magnifies their rounding until no depth is found.
+        # from the forces and magnifies the rounding of the forces, so that no depth would be found.
         model.opt.noslip_iterations = 0
 
     friction = friction_of(resolved, hinges_of(resolved.scene, resolved.settings))

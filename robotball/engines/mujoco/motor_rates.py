@@ -16,17 +16,17 @@ def fastest_rate(
 ) -> float:
     """Return the largest |λ| [1/s] of the hinges' motors about the start, with the ball rolling.
 
-    dry: with the damping of dry friction, which is largest at rest.
+    dry: include the damping of dry friction, which is largest at rest.
 
     H du/dt = -C u - K φ for the rates u of the shell and of the hinges with such a motor. C has the
     dampings or gains of motors and actuators, K their stiffnesses, and H is the robot's mass matrix
-    reduced to a rolling shell and constant rates of the other hinges. A shell that slips resists
-    them less. With pendulums it is the largest over eight angles. At least one hinge has such a
-    motor.
+    reduced to a rolling shell and constant rates of the other hinges. If the shell slips, its
+    inertia resists the motors less. With pendulums, the result is the largest rate at eight angles.
+    At least one hinge must have such a motor.
     """
     moved = [hinge for hinge in hinges if hinge.settles or (dry and hinge.law)]
     gamma = scene.start.to_world[2]
-    # A rubber shell does not spin about the vertical, so it turns about axes across γ only.
+    # A rubber shell does not spin about the vertical, so it only turns about axes orthogonal to γ.
     spins = slips or scene.rolling == "classical"
     turns = np.eye(3) if spins else np.linalg.svd(gamma[None])[2][1:]
     angles = np.stack([_angles(scene, hinge) for hinge in scene.hinges], axis=1)
@@ -66,7 +66,7 @@ def fastest_rate(
 
 
 def _angles(scene: Scene, hinge: MovedHinge) -> Array:
-    """Return angles (_ANGLES,) [rad] that the hinge passes: as commanded, else a whole turn."""
+    """Return angles (_ANGLES,) [rad] of the hinge: commanded angles, or a whole turn."""
     if isinstance(dict(scene.ball.named_bodies)[hinge.name], Frame | Rotor):
         return np.full(_ANGLES, hinge.angle)
     times = np.linspace(0.0, scene.duration, _ANGLES - 1)

@@ -24,7 +24,7 @@ class _MuJoCo(Engine):
     label = LABEL
     presets: Mapping[str, EngineSettings] = PRESETS
     default = "balanced"
-    # Path lengths; near an unstable motion rounding reaches half of it.
+    # In path lengths; near an unstable motion, rounding errors reach half of this value.
     least_accuracy: float | None = 1e-11
     as_it_comes = "naive"
     closes_loops = True
@@ -36,7 +36,7 @@ class _MuJoCo(Engine):
         return Friction(slide, spin if resolved.condim > 3 else None)
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
-        """Return the scene's motion at times (n,) [s] from 0; fewer if the run broke off."""
+        """Return the scene's motion at times (n,) [s] from 0; fewer times if the run failed."""
         chosen, motion = request.settings, None
         if request.accuracy is not None:
             from robotball.engines.mujoco.accuracy import reach
@@ -62,7 +62,7 @@ class _MuJoCo(Engine):
     def run_many(
         self, scenes: Sequence[Scene], times: Array, settings: EngineSettings
     ) -> Iterator[ContactMotion]:
-        """Yield the motions of scenes, each equal to that of `run`."""
+        """Yield the motion of each scene, equal to the motion that `run` returns."""
         from robotball.engines.mujoco.rollouts import run_many
 
         return run_many(scenes, as_own(settings, Settings, LABEL), times)

@@ -1,8 +1,8 @@
 """Steps in parts: at torque limits, near a standstill, and after a warning of MuJoCo.
 
-RK4 is of second order across a switch between a motor's law and its torque limit. A motor therefore
-stays on its side of the limit within a step, and a step across a switch is repeated up to the
-switch. `rolling_resistance` has the parts near a standstill.
+RK4 is of second order across a switch between a motor's law and its torque limit. Within a step, a
+motor therefore keeps its side: law or limit. A step across a switch is repeated up to the switch.
+`rolling_resistance` determines the parts near a standstill.
 """
 
 import time
@@ -33,19 +33,19 @@ from robotball.engines.mujoco.model import GearedMotor, Model, motors_of
 from robotball.motion import DIVERGED, Fault, FaultKind
 from robotball.rotations import Array
 
-_LOOK = 64  # parts between two looks of the monitor; at most so many are taken after a fault
-# Part of a limit by which a motor may exceed it before it switches. The motion changes by the
-# square of it.
+_LOOK = 64  # parts between two checks of the monitor; at most this many parts follow a fault
+# A motor may exceed its limit by this fraction before it switches. The motion changes by the square
+# of this fraction.
 _LATE = 1e-7
 _SHARP = 1e-10  # of a step: the tolerance of a switch's time
 _SHORTEST = 1e-6  # of a step: a switch nearer to an end of a step is taken to be there
-_INSIDE = np.arange(1, 6) / 6  # of a step of order 8: the looks for switches inside it
+_INSIDE = np.arange(1, 6) / 6  # of a step of order 8: when to look for switches inside it
 _MOST_SWITCHES = 8  # switches in a step; MuJoCo limits the torques in a step with more
 _BY_MUJOCO = 2  # in place of a side: MuJoCo limits the torque
 
 
 def step_in_parts(control: Control, data: mujoco.MjData, stretch: Stretch) -> Iterator[Portion]:
-    """Take the steps of a stretch, with a row for every part of a step, and for samples in it."""
+    """Take the steps of a stretch, with a row for every part of a step and for its samples."""
     rows: list[Array] = []
     sampled: list[int] = []
     parts, longest, began = 0, 0.0, time.thread_time()
@@ -95,7 +95,7 @@ class _LimitedMotor(GearedMotor):
     bias: Array
 
     def wanted(self, angles: Array, rates: Array, t: float) -> float:
-        """Return the torque of its law at t [s], over the limit, for the model's hinges (h,)."""
+        """Return the torque of the motor's law at t [s], divided by the limit, at hinges (h,)."""
         angle, rate = float(angles @ self.gears), float(rates @ self.gears)
         return float(self.law.unlimited(self.command.rate(t), angle, rate)) / self.law.limit
 
@@ -123,7 +123,7 @@ class _Switches:
         """Take one step in parts that end at switches. Yields the length of each part [s]."""
         remaining = length
         for _ in range(_MOST_SWITCHES):
-            # After a jump of its command a motor is beyond its side before the step.
+            # After a jump of the command, a motor is beyond its side even before the step.
             if self._late(data) > 0:
                 self._settle(data)
             before, began = state_of(data), data.time
@@ -153,19 +153,19 @@ class _Switches:
         self.set([_sign(wanted, 1.0) for wanted in self._wanted(data)])
 
     def _wanted(self, data: mujoco.MjData) -> list[float]:
-        """Return the torque of each motor's law, over the limit."""
+        """Return the torque of each motor's law, divided by the limit."""
         t = self.control.inside(data.time)
         angles, rates = data.qpos[FREE_QPOS:], data.qvel[FREE_QVEL:]
         return [motor.wanted(angles, rates, t) for motor in self.motors]
 
     def _beyond(self, data: mujoco.MjData) -> list[float]:
-        """Return how far each motor's law is beyond its side, over the limit."""
+        """Return how far each motor's law is beyond its side, divided by the limit."""
         sided = zip(self._wanted(data), self.sides, strict=True)
         return [1 - side * wanted if side else abs(wanted) - 1 for wanted, side in sided]
 
     def _late(self, data: mujoco.MjData) -> float:
         """Return a number that is positive if a motor should have switched."""
-        # Most steps begin with the state and commands of the last step's end.
+        # Most steps begin with the state and commands at the end of the previous step.
         at = (data.time, self.control.span, self.sides)
         if self.known[0] != at:
             self.known = at, max(self._beyond(data), default=0.0) - _LATE
@@ -178,13 +178,13 @@ class _Switches:
 
     @property
     def _order_8(self) -> Interpolating | None:
-        """The steps with an interpolant; dry friction leaves that of the last part alone."""
+        """The steps with an interpolant; with dry friction it covers only the last part."""
         return self.control.order_8 if self.control.friction is None else None
 
     def _beyond_inside(self, data: mujoco.MjData, began: float, length: float) -> float | None:
         """Return the first of a few times in the last step [s] at which a motor has switched.
 
-        A step of order 8 may be so long that a motor reaches its limit and leaves it inside.
+        A step of order 8 may be so long that a motor reaches and leaves its limit within the step.
         """
         if (order_8 := self._order_8) is None:
             return None
@@ -205,7 +205,7 @@ class _Switches:
     def _until_switch(
         self, data: mujoco.MjData, before: Array, began: float, longest: float
     ) -> float:
-        """Return the length of a step [s] up to the first switch, which `longest` exceeds."""
+        """Return the length of a step [s] up to the first switch, which is below `longest`."""
         from scipy.optimize import brentq  # late: few motors reach a limit
 
         # Each trial begins from the same state, so `late` is continuous in the step's length. A
@@ -220,7 +220,7 @@ class _Switches:
 
         if (order_8 := self._order_8) is not None:
             found = root(partial(self._late_inside, data, order_8, began))
-            # A stiff motor may magnify the error of the interpolant.
+            # With a stiff motor the error of the interpolant may be magnified.
             if abs(late(found)) <= _LATE or late(longest) <= 0:
                 return found
         return root(late)

@@ -1,7 +1,7 @@
 """MJX and MuJoCo Warp as engines, which step MuJoCo's models with JAX or Warp.
 
-JAX steps in double precision, Warp in single. The shell's state is read from MuJoCo's coordinates,
-without sensors.
+JAX steps in double precision, and Warp in single precision. The shell's state is read from MuJoCo's
+coordinates, without sensors.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,20 +22,20 @@ from robotball.robot.motors import Servo
 from robotball.robot.scene import Scene
 from robotball.rotations import Array, rotation_matrix
 
-# Of friction in single precision, if the ball slips. On classical_regular with a friction of 0.3
-# the path error is 2e-4 with 1e4, 5e-3 with 1e6, and 0.14 with the value for double precision.
+# Value for friction in single precision, if the ball slips. On classical_regular with a friction of
+# 0.3 the path error is 2e-4 with 1e4, 5e-3 with 1e6, and 0.14 with the value for double precision.
 _SINGLE_IMPRATIO = 1e4
 _PASSES = 50  # the largest number of steps per call, whose controls have a fixed size
 
 
 @dataclass(frozen=True, kw_only=True)
 class _ModelSettings(adapter.StepSettings):
-    """Settings of a run; `model` has those of MuJoCo, `device` is "cpu" or "cuda"."""
+    """Settings of a run; `model` has MuJoCo's settings, `device` is "cpu" or "cuda"."""
 
     model: Settings
     device: str = "cpu"
     line_search: int | None = None  # iterations of MJX at most
-    slips: bool = False  # take the recipe for a ball that slips, with the servos of `model`
+    slips: bool = False  # use the recipe for a ball that slips, with the servos of `model`
 
 
 def _built(scene: Scene, settings: _ModelSettings, step: float) -> Model:
@@ -48,7 +48,7 @@ def _built(scene: Scene, settings: _ModelSettings, step: float) -> Model:
 
 
 class _MjxWorld(adapter.World):
-    """One ball, or one for each of scenes, stepped in a compiled loop."""
+    """One ball, or a ball for each scene, stepped in a compiled loop."""
 
     def __init__(
         self, scene: Scene, settings: _ModelSettings, step: float, scenes: Sequence[Scene] = ()
@@ -85,8 +85,9 @@ class _MjxWorld(adapter.World):
                 yield self._state
 
     def _take(self, begin: float, step: float, count: int) -> None:
-        """Take `count` steps from `begin` [s], with the controls at the middle of each."""
-        # A control held over a step at its middle value has order 2, which MJX's RK4 has too.
+        """Take `count` steps from `begin` [s], with the controls at the middle of each step."""
+        # If a control is held over a step at its middle value, the order is 2, like that of MJX's
+        # RK4.
         middles = (begin + (np.arange(_PASSES) + 0.5) * step).tolist()
         controls = np.array([controls_at(self.scene, self.built.hinges, t) for t in middles])
         self.data = self.advance(self.model, self.data, controls, step, count)
@@ -100,7 +101,7 @@ class _MjxWorld(adapter.World):
         return np.asarray(self.data.qfrc_constraint, dtype=float)[:3]
 
     def python_seconds(self) -> float:
-        """Return the processor time [s] of the calls, measured on empty ones."""
+        """Return the processor time [s] of the calls, measured on empty calls."""
         return adapter.seconds_per_call(lambda: self._take(0.0, self.longest, 0)) * self.calls
 
 
@@ -156,8 +157,8 @@ def _advance(many: bool) -> Callable[..., Any]:
     return jax.jit(advance)
 
 
-# MJX has no noslip. A harder contact does not need it, but a contact that is too hard gives NaN:
-# with a softness of 1e-6, not with 1e-2 (docs/findings/mjx_nan.py).
+# MJX has no noslip. A harder contact does not need noslip, but a contact that is too hard gives
+# NaN: this happens with a softness of 1e-6, but not with 1e-2 (docs/findings/mjx_nan.py).
 _HARD = replace(
     PRESETS["balanced"], **CONSTANT | {"solver": "Newton", "softness": 1e-2},
     noslip_iterations=None, noslip_tolerance=None, ls_tolerance=None,
@@ -186,7 +187,7 @@ MJX = adapter.Adapter(
 
 
 class _WarpWorld(adapter.CapturedWorld):
-    """One ball, or one for each of scenes, on a device of Warp."""
+    """One ball, or a ball for each scene, on a device of Warp."""
 
     def __init__(
         self, scene: Scene, settings: _ModelSettings, step: float, scenes: Sequence[Scene] = ()
@@ -245,8 +246,8 @@ class _WarpWorld(adapter.CapturedWorld):
 
 
 # The recipe's impedance and armature fail in single precision. With the largest armature that
-# works, 1e4 kg m², loads change the rates by 3e-4. A servo of 33 1/s corrects this; a faster one
-# would follow the steps of the held commands.
+# works, 1e4 kg m², loads change the rates by 3e-4. A servo with a rate of 33 1/s corrects this; a
+# faster servo would follow the steps of the held commands.
 _SINGLE = replace(
     PRESETS["balanced"], solver="Newton", solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
     drive=Servo(gain=1e6, armature=3e4), warmstart=None, island=None,
@@ -254,7 +255,7 @@ _SINGLE = replace(
 
 
 def _lacks(scene: Scene, settings: _ModelSettings) -> str:
-    # A run in MuJoCo adds it in a callback (`Control._follow`).
+    # A run in MuJoCo adds this term in a callback (`Control._follow`).
     turning = "its contact lacks the acceleration of a turning plane" if scene.plane_turns else None
     single = adapter.in_single_precision(scene, settings)
     return "; ".join(filter(None, (single, turning)))

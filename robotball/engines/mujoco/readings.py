@@ -1,7 +1,7 @@
 """Readings from the sensors of a model, and the faults that only MuJoCo can have.
 
-All is computed for many rows at once and by columns: at this size NumPy's norm and cross product of
-rows take several times as long.
+The readings of many rows are computed at once, by columns: at this size NumPy's norm and cross
+product of rows take several times as long.
 """
 
 from collections.abc import Callable
@@ -53,7 +53,8 @@ def readings_of(model: Model, rows: Array) -> Readings:
     # Squares of a diverged state overflow.
     with np.errstate(all="ignore"):
         used = _friction_used(model, contact)
-        # A ball that is about to lift off saturates its vanishing cone: the fault is the contact.
+        # A ball that is about to lift off saturates its vanishing cone: the fault is then lost
+        # contact.
         weight = scene.ball.mass * scene.gravity if scene.load_varies else 0.0
         lifting = (used > _SATURATED) & (contact[:, 1] < _LIFTING * weight)
         return Readings(
@@ -112,9 +113,9 @@ def _force_in_world(contact: Array) -> Array:
 
 
 def _friction_used(model: Model, contact: Array) -> Array:
-    """Return the used part (m,) of the friction cone; a pyramidal cone limits a sum of sizes.
+    """Return the used fraction (m,) of the friction cone; a pyramid limits a sum of components.
 
-    The coefficients are those of the scene, if it has any, and else of the contact.
+    The coefficients are taken from the scene if it gives them, and else from the contact.
     """
     compiled, limits = model.compiled, model.scene.friction
     # MuJoCo raises smaller coefficients to mjMINMU.
@@ -142,7 +143,7 @@ def _sound(model: Model, rows: Array) -> Mask:
 
 
 def _of_hinges(model: Model, rows: Array) -> Array:
-    """Return angles, rates and torques (3, m, h) of the scene's hinges; 0 for fixed ones."""
+    """Return angles, rates and torques (3, m, h) of the scene's hinges; 0 for fixed hinges."""
     columns, values = model.sensor_columns, np.zeros((3, len(rows), len(model.scene.hinges)))
     for hinge in model.hinges:
         angle = rows[:, columns[f"{hinge.name}_angle"].start]
@@ -157,7 +158,7 @@ def _of_hinges(model: Model, rows: Array) -> Array:
 
 
 def _torque(rows: Array, columns: slice | None) -> Array:
-    """Return the motor's torque or the load of a prescribed joint (m,) [N m]; 0 if passive."""
+    """Return a motor's torque or a prescribed joint's load (m,) [N m]; 0 for a passive hinge."""
     return np.zeros(len(rows)) if columns is None else rows[:, columns.stop - 1]
 
 

@@ -1,9 +1,9 @@
 """The plane's resistance to rolling: a torque against the shell's rolling, and its standstill.
 
-The torque is computed at every evaluation of the forces. It needs functions of MuJoCo that a
-callback must not call, so the steps are built here from these evaluations. MuJoCo's rolling
-friction (condim 6) is another law: it shares a cone with the friction that holds the ball, and acts
-against an acceleration, not the rolling. Near a standstill the direction of the torque changes ever
+The torque is computed at every evaluation of the forces. This computation needs functions of MuJoCo
+that a callback must not call, so the steps are built here from these evaluations. MuJoCo's rolling
+friction (condim 6) has another law: it shares a cone with the friction that holds the ball, and
+opposes an acceleration, not the rolling. Near a standstill the direction of the torque changes ever
 faster, so steps are taken in parts, and a shell that the plane can hold is stopped.
 """
 
@@ -18,11 +18,11 @@ from robotball.engines.mujoco.control import Control, Steps, mujoco_step
 from robotball.engines.mujoco.order8 import RungeKutta
 from robotball.rotations import Array, rotation_matrix
 
-_STANDING = 1e-8  # rad/s: a shell that rolls no faster stands, if the plane can hold it
+_STANDING = 1e-8  # rad/s: a shell that is not faster is at rest, if the plane can hold it
 _RESTING = 1e-13  # rad/s: below this there is no rolling to remove
-_APPROACH = 0.5  # longest step near a standstill, as a part of the time to it
-_TURNED = 2.0  # longest step times the rate of the rolling's direction; RK4 is stable up to 2.8
-_SHORTEST = 1e-6  # of a step: a shorter part is joined to the one before it
+_APPROACH = 0.5  # longest step near a standstill, as a fraction of the time until it
+_TURNED = 2.0  # longest step times the rate of the direction of rolling; RK4 is stable to 2.8
+_SHORTEST = 1e-6  # of a step: a shorter part is joined to the previous part
 # The stages of RK4.
 _WEIGHTS = [*map(np.array, ([], [0.5], [0.0, 0.5], [0.0, 0.0, 1.0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]))]
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -34,7 +34,7 @@ class Resistance:
     """Steps of a model with the plane's resistance.
 
     The shell's acceleration and the load are affine in the torque, so two or three trials determine
-    it.
+    the torque.
     """
 
     def __init__(self, control: Control) -> None:
@@ -60,7 +60,7 @@ class Resistance:
         mujoco_step(data, length)
 
     def steps(self, take: Steps) -> Steps:
-        """Return a function that steps in parts, short enough near a standstill, with `take`."""
+        """Return a function that takes steps with `take`, in short parts near a standstill."""
 
         def parts(data: mujoco.MjData, length: float) -> Iterator[float]:
             remaining = length
@@ -118,7 +118,7 @@ class Resistance:
         return float(self.arm * free / (1 - (braked - free) / self.weight))
 
     def _holding(self, trials: "_Trials") -> tuple[Array, bool]:
-        """Return the torque (2,) [N m] of constant rolling, and whether the plane can give it."""
+        """Return the torque (2,) [N m] that keeps rolling constant; can the plane exert it?"""
         usual, free = self.arm * self.weight, trials.free
         x, y = (trials.under(usual * axis) - free for axis in np.eye(2))
         # Cramer's rule gives NaN if a diverging state has no solution.
@@ -137,7 +137,7 @@ class Resistance:
 
 
 class _Trials:
-    """Trials of torques at one state; rolling (2,), speed: of the shell, horizontal [rad/s]."""
+    """Trials of torques at one state; rolling (2,), speed: the shell's horizontal ω [rad/s]."""
 
     def __init__(self, resistance: Resistance, data: mujoco.MjData, sensors: bool = False) -> None:
         compiled, self.data, self.shell = data.model, data, resistance.shell

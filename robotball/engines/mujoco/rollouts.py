@@ -1,10 +1,10 @@
 """Many runs at once, in threads with `mujoco.rollout` or in processes.
 
 A run with constant controls consists of steps only. Each thread steps one start after another with
-`mujoco.rollout`, and reads the rows while they are in its cache. Runs with changing drives call
-Python at every step and would block each other's threads, and scenes that differ in more than their
-start are built one by one; both are distributed to processes. A motion equals that of `run` to the
-last bit.
+`mujoco.rollout`, and reads the rows while they are in its cache. Other runs are distributed to
+processes: runs with changing drives, because they call Python at every step and would block each
+other's threads, and scenes that differ in more than their start, because they are built one by one.
+A motion equals that of `run` to the last bit.
 """
 
 import math
@@ -37,8 +37,8 @@ from robotball.robot.scene import Scene
 from robotball.rotations import Array
 
 _BYTES = 4e7  # bytes of the rows of all started runs: fifty runs of 2000 steps
-_ABREAST = 64  # the largest number of started runs; the first motion is yielded after so many
-_LONG = 10  # the least mean number of steps of a group: the call takes as long as two steps
+_ABREAST = 64  # largest number of started runs; the first motion is yielded after this many
+_LONG = 10  # least mean number of steps of a group; the call itself takes as long as two steps
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 # `mujoco.rollout` stops a run without notice if MuJoCo warns: its rows repeat the last one.
 _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
@@ -47,8 +47,9 @@ _STOPPED = {FaultKind.DIVERGED, FaultKind.RESET, FaultKind.ENGINE_WARNED}
 def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Iterator[ContactMotion]:
     """Yield the motions of scenes at times (n,) [s] from 0, in order.
 
-    Each scene is prechecked. If scenes differ only in their start, the least and the largest
-    momentum are. Raises InputError as `build` and `run` do.
+    Each scene is prechecked. If scenes differ only in their start, only the scenes with the
+    smallest and the largest momentum are prechecked. Raises InputError if `build` or `run` raises
+    it.
     """
     alike = differ_in_start(scenes)
     starts = scenes.starts if isinstance(scenes, FromStarts) else [s.start for s in scenes]
@@ -59,7 +60,7 @@ def run_many(scenes: Sequence[Scene], settings: Settings, times: Array) -> Itera
     model, alone = build(scenes[0], settings), partial(_alone, settings, times)
     check_length(PlannedRun(model.scene, model.settings, float(times[-1])), times)
     together = _Together(model, times)
-    # Whether a ball slips, and so its contact, depends on its start.
+    # Whether a ball slips depends on its start, and the contact depends on whether it slips.
     same = alike and not model.scene.may_slip
     if not (together.size >= 2 * allowed() and together.steps_alone and same):
         yield from of_each(alone, scenes)
@@ -100,11 +101,12 @@ class _Started(NamedTuple):
 
 
 class _Together:
-    """Steps runs of a model from several starts, each in one of several threads.
+    """Step the runs of a model from several starts, each run in one of several threads.
 
-    size: number of started runs; groups: length [s] and number of equal steps, one more in the last
-    because sensors show the state before a step; shape: of a run's rows; steps_alone: whether a run
-    is nothing but long groups of steps; idle: unused data, each with an MjModel.
+    size: number of started runs. groups: length [s] and number of equal steps; the last group has
+    one more step, because sensors show the state before a step. shape: of a run's rows.
+    steps_alone: whether a run consists only of long groups of steps. idle: unused data, each with
+    an MjModel.
     """
 
     def __init__(self, model: Model, times: Array) -> None:
@@ -158,7 +160,7 @@ class _Together:
                 states, sensors = rollout(
                     compiled, data, state, control, nstep=count, initial_warmstart=guess
                 )
-                # The state does not include the guess from which a solver starts.
+                # The state does not include the solver's initial guess.
                 state, guess = states[0, -1], data.qacc_warmstart.copy()
                 rows[begin : begin + count, : compiled.nsensordata] = sensors[0]
                 begin += count

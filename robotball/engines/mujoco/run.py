@@ -27,7 +27,7 @@ def limit_checks(plan: PlannedRun) -> dict[str, LimitCheck]:
         from robotball.engines.mujoco import special_limits
 
         laws += special_limits.LAWS
-    # Extreme settings overflow here, and an infinite value exceeds its limit.
+    # With extreme settings numbers overflow here, and an infinite value exceeds its limit.
     with np.errstate(all="ignore"):
         checks = {law.__name__: law(plan) for law in laws}
     return {name: check for name, check in checks.items() if check is not None}
@@ -38,7 +38,7 @@ def exceeded(
 ) -> dict[str, LimitCheck]:
     """Return the limits that a run over times (n,) [s] is predicted to exceed, by name.
 
-    loads: of the whole motion, if known from a reference.
+    loads: the loads of the whole motion, if a reference gives them.
     """
     checks = limit_checks(PlannedRun(scene, settings, float(times[-1]), loads))
     return {name: check for name, check in checks.items() if check.exceeded}

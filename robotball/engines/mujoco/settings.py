@@ -1,11 +1,13 @@
 """Settings of a MuJoCo run: integrators, checks, presets, and the recipes for the contact.
 
-The contact carries the ball at a depth that depends on its load. Under a constant load the depth at
-the start stays right, however soft the contact, and the recipe is CONSTANT. Under a varying load
-the centre moves, and the lever arm with it. A centre of mass off the sphere's centre also couples
-the normal force with friction, and three iterations of PGS no longer solve them; the recipe is
-VARYING. Both brake a slip of the ball slowly, so for a ball that exceeds the friction of its scene
-the recipe is `for_slip`. `Resolved` chooses among the three. Open settings are MuJoCo's defaults.
+A recipe is a set of values for the contact and the drive. The ball sinks into the contact to a
+depth that depends on the load. Under a constant load the initial depth stays correct, however soft
+the contact; the recipe is CONSTANT. Under a varying load the ball's centre rises and sinks, which
+changes the lever arm. If the centre of mass is not the sphere's centre, the normal force is also
+coupled with friction, and three iterations of PGS do not solve for the two forces; the recipe is
+VARYING. With these two recipes a slip of the ball decays slowly, so the recipe for a motion that
+exceeds the scene's friction is `for_slip`. `Resolved` chooses one of the three. A setting that is
+None keeps MuJoCo's default.
 """
 
 from collections.abc import Mapping
@@ -34,10 +36,11 @@ _EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 class _Integrator:
     """An integrator of MuJoCo, or ours of order 8, with its limits of stability.
 
-    A limit is the largest stable rate times timestep, of a rotation, of the decay of slip, or of a
-    servo's gain over inertia; limits.py has the measurements. momentum_loss (p, f): a step with the
-    rotation θ changes |M| by the part f θᵖ. stability: the coefficients of R(z) by which a step
-    multiplies y if dy/dt = z y / dt, from the highest power. marker, size: in plots.
+    A limit is the largest stable product of a rate and the timestep. The rate is that of a
+    rotation, of the decay of slip, or of a servo (its gain divided by inertia); limits.py has the
+    measurements. momentum_loss (p, f): a step with the rotation θ changes |M| by the fraction f θᵖ.
+    stability: the coefficients of R(z), highest power first; a step multiplies y by R(z) if dy/dt =
+    z y / dt. marker, size: the symbol in plots.
     """
 
     name: str
@@ -86,13 +89,13 @@ def _one_of(*names: str) -> Meta:
 
 
 # Types of the fields. msgspec checks their bounds, and error messages quote their descriptions.
-# With LARGEST as bound no product of a few of them overflows.
+# With LARGEST as their bound, a product of a few fields does not overflow.
 _FROM_TO = f"a number from {1 / LARGEST:g} to {LARGEST:g}"
 _Positive = Annotated[float, Meta(ge=1 / LARGEST, le=LARGEST, description=_FROM_TO)]
 _NotNegative = Annotated[
     float, Meta(ge=0, le=LARGEST, description=f"a number from 0 to {LARGEST:g}")
 ]
-# MuJoCo's counters are of 32 bits.
+# MuJoCo's counters have 32 bits.
 _Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number of at least 0")]
 _AtLeastOne = Annotated[int, Meta(ge=1, lt=2**31, description="a whole number of at least 1")]
 _Reference = Annotated[
@@ -112,7 +115,7 @@ _Impedance = Annotated[
 
 
 def _checked(name: str, value: Any, kind: Any) -> Any:
-    """Return a field's value as plain data. Raises InputError if its type does not allow it."""
+    """Return a field's value as plain data. Raises InputError if `kind` forbids it."""
     if is_dataclass(value) and type(value) in get_args(kind):
         return value  # checked when it was made
     try:
@@ -143,8 +146,10 @@ def _allowed(kind: Any) -> str:
 
 
 def _is_reference(value: tuple[float, float]) -> bool:
-    """Return whether both are positive (time constant, damping ratio) or neither is
-    (-stiffness, -damping), the two formats of MuJoCo's solref.
+    """Return whether both numbers are positive, or neither is.
+
+    These are the two formats of MuJoCo's solref: (time constant, damping ratio) and (-stiffness,
+    -damping).
     """
     positive = all(1 / LARGEST <= number <= LARGEST for number in value)
     return positive or all(-LARGEST <= number <= 0 for number in value)
@@ -158,8 +163,8 @@ MOST_STEPS = 10_000_000  # 2e5 s at 20 ms
 class Prescribed:
     """Hinges whose reflected inertia [kg m²] is so large that no load changes their rates.
 
-    The armature acts on the hinge alone and adds no gyroscopic momentum, so the ball rolls as
-    without it. A velocity servo with kv = 100 under RK4 costs 5e-3 of the path instead.
+    The armature acts on the hinge alone and adds no gyroscopic momentum, so the ball rolls as it
+    would without the armature. A velocity servo with kv = 100 under RK4 has a path error of 5e-3.
     """
 
     armature: float
@@ -184,15 +189,17 @@ CONSTANT: dict[str, Any] = {
     # Newton gives the same motion and takes 1.9 times as long per evaluation of the forces.
     "solver": "PGS",
     "iterations": 3,
-    # MuJoCo raises a smaller constant to two timesteps without a warning, and a sweep of the
-    # timestep would change the contact. 0.04 s is twice the 20 ms of the preset "fast".
+    # MuJoCo raises a time constant below two timesteps to two timesteps, without a warning, so a
+    # sweep of the timestep would change the contact. 0.04 s is twice the 20 ms of the preset
+    # "fast".
     "solref": (0.04, 1.0),
     "softness": 1.0,
-    # At g = 9.81 motions need a sliding friction of 0.2 to 1.6 and a torsional friction of up to
-    # 6 m. MuJoCo gives no warning of a saturated cone.
+    # At g = 9.81 motions need a sliding friction of 0.2 to 1.6 and a torsional friction of up to 6
+    # m. MuJoCo does not warn if the friction cone is saturated.
     "sliding_friction": 20.0,
     "torsional_friction": Radii(20.0),
-    # The path error goes as the load over the armature: 5e-9 at 1e8, rounding from 1e12 on.
+    # The path error is proportional to the load divided by the armature: it is 5e-9 at 1e8, and
+    # rounding dominates from 1e12 on.
     "drive": Prescribed(armature=1e14),
 }
 
@@ -201,31 +208,32 @@ CONSTANT: dict[str, Any] = {
 class Settings(EngineSettings):
     """Settings of a MuJoCo run.
 
-    Fields have the names of MJCF, and None keeps MuJoCo's default. The presets other than "naive"
-    leave the values for the contact and the drive to a recipe, which chooses them for the scene's
-    load. Given values are used unchanged.
+    Fields have the names of MJCF, and a field that is None keeps MuJoCo's default. In every preset
+    except "naive" the values for the contact and the drive depend on the scene's load. Values that
+    you give are used unchanged.
 
     Attributes
     ----------
     name : str
         The name of the settings, for tables and files.
     error_tolerance : float
-        The largest relative path error and momentum error that the settings are held to, over 10 s
-        on the scenes of the catalog.
+        The largest relative path error and momentum error that the settings may have, over 10 s on
+        the scenes of the catalog.
     accuracy : float or None
         The path error that the settings were chosen for. None if they were not chosen for one.
     stop_at_fault : bool
-        Whether a run ends at its first fault. Otherwise it goes on as long as there is a state.
+        Whether a run ends at its first fault. If False, the run continues as long as the ball has a
+        state.
     timestep : float or None, s
-        The length of a step. For RK8 it is the longest step, and steps are shorter if rotations or
-        servos are fast.
+        The length of a step. For RK8 it is the longest step; RK8 takes shorter steps if rotations
+        or servos are fast.
     integrator : str or None
         One of MuJoCo's integrators, or "RK8", which takes steps of order 8 over MuJoCo's forward
         dynamics.
     solver : {"PGS", "CG", "Newton"} or None
         The constraint solver.
     jacobian : {"dense", "sparse", "auto"} or None
-        The storage of the constraint's Jacobian.
+        The storage of the constraint Jacobian.
     iterations : int or None
         The largest number of iterations of the solver.
     tolerance : float or None
@@ -241,19 +249,19 @@ class Settings(EngineSettings):
     impratio : float or None
         The ratio of the impedances of friction and normal force, for elliptic cones.
     warmstart : {"enable", "disable"} or None
-        Whether the solver starts from the solution of the last step.
+        Whether the solver starts from the solution of the previous step.
     island : {"enable", "disable"} or None
-        Whether MuJoCo looks for groups of constraints that it can solve apart.
+        Whether MuJoCo looks for groups of constraints that it can solve separately.
     solref : (float, float) or None
-        The time constant [s] and damping ratio of the contact, or its negative stiffness and
-        damping.
+        The time constant [s] and damping ratio of the contact, or its stiffness and damping, both
+        with a minus sign.
     solimp : tuple of 5 float or None
         The impedance of the contact: dmin, dmax, width, midpoint and power.
     solreffriction : (float, float) or None
-        The reference of the friction, in either format of `solref`.
+        The reference parameters of friction, in either format of `solref`.
     condim : {3, 4, 6} or None
-        The dimension of the contact. None chooses the one for the rolling model: 4 for rubber, 3
-        for classical.
+        The dimension of the contact. None chooses 4 for the rubber model of rolling and 3 for the
+        classical model.
     sliding_friction : float
         The coefficient of sliding friction.
     torsional_friction : float, m, or Radii
@@ -261,15 +269,16 @@ class Settings(EngineSettings):
     rolling_friction : float, m
         The coefficient of rolling friction. It acts if `condim` is 6.
     root : {"shell", "frame"}
-        The body with the free joint. The other one hangs on it by the frame's hinge.
+        The body with the free joint. The frame's hinge connects the other body to it.
     start_in_equilibrium : bool
-        Whether the ball starts at the depth at which the contact carries its weight. Otherwise it
-        starts just touching the plane.
+        Whether the ball starts at the depth at which the contact carries its weight. If False, the
+        ball just touches the plane at the start.
     softness : float
-        A factor of the softness of the contact's constraint. MJCF cannot express it.
+        A factor on the softness of the contact's constraint. MJCF cannot express this factor.
     slips : bool or None
-        True: the contact is the recipe for a ball that slips, whose error is of first order. False:
-        the motion does not exceed the scene's friction, so the contact has the recipe's larger one.
+        True: the contact has the recipe for a ball that slips, and the error is of first order.
+        False: the motion does not exceed the scene's friction, so the contact has the larger
+        friction of the recipe.
     max_steps : int
         The largest number of steps of a run. A longer run is refused.
     drive : Servo or Prescribed
@@ -334,11 +343,11 @@ class Settings(EngineSettings):
 
     @property
     def own(self) -> bool:
-        """True if MuJoCo's own integrator takes the steps."""
+        """True if an integrator of MuJoCo takes the steps."""
         return self.integrator != ORDER_8
 
 
-# Shows how wrong a newcomer's model becomes, so a run goes on after its first fault.
+# It shows how wrong a newcomer's model becomes, so a run continues after its first fault.
 NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=Servo(gain=1.0))
 
 
@@ -352,25 +361,30 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         error_tolerance=error_tolerance,
         # The other integrators are of first order: at 1 ms Euler's path error is 9e-3, RK4's 3e-12.
         **{"integrator": "RK4", **steps},
-        # With so few rows a sparse Jacobian costs a tenth more per evaluation.
+        # With so few rows a sparse Jacobian takes 10 % longer per evaluation.
         jacobian="dense",
         # Any tolerance above 0 is scaled with the armatures and stops the solver at once.
         tolerance=0.0,
         ls_tolerance=0.01,
-        # The softness leaves a slip of 1.5e-3 of the path, which one iteration removes.
+        # The softness causes a slip of 1.5e-3 of the path, and one iteration removes this slip.
         noslip_iterations=1,
         noslip_tolerance=0.0,
-        # A pyramidal cone ignores solreffriction, and noslip treats its edges separately.
+        # A pyramidal cone ignores solreffriction, and noslip treats the edges of the pyramid
+        # separately.
         cone="elliptic",
-        # So few iterations need no guess. Without one a motion depends on its state alone.
+        # So few iterations need no initial guess. Without a guess a motion depends on its state
+        # alone.
         warmstart="disable",
         # One contact is one island; the search for islands would take a twelfth of a step.
         island="disable",
-        # MuJoCo's largest: the depth and the slip of soft friction go as (1 - d)/d.
+        # MuJoCo's largest impedance d: the depth and the slip of soft friction are proportional to
+        # (1 - d)/d.
         solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),
-        # Slip decays at a fixed rate [1/s]; a rate proportional to 1/timestep costs an order.
+        # Slip decays at a fixed rate [1/s]; a rate proportional to 1/timestep would lower the order
+        # of convergence by one.
         solreffriction=(-1.0, -0.5),
-        # A ball that just touches has no normal force at first, which costs 1e-3 of the path.
+        # A ball that just touches the plane has no normal force at first. This causes a path error
+        # of 1e-3.
         start_in_equilibrium=True,
         **dict.fromkeys(CONSTANT, _BY_LOAD),
     )
@@ -389,8 +403,8 @@ PRESETS: dict[str, Settings] = {
 }
 """Presets of MuJoCo by name, from the coarsest to the finest.
 
-"naive" has the settings that a newcomer would write. The other presets differ in their steps, and
-choose the values of the contact for the scene's load.
+"naive" has the settings that a newcomer would write. The other presets have different steps, and
+their values of the contact depend on the scene's load.
 
 Examples
 --------
@@ -422,7 +436,7 @@ def preset(name: str) -> Settings:
     Raises
     ------
     InputError
-        If the preset is unknown. The message lists near matches.
+        If the preset is unknown. The message lists similar names.
 
     Examples
     --------
@@ -434,7 +448,7 @@ def preset(name: str) -> Settings:
 
 
 def settings_from(plain: Mapping[str, Any]) -> Settings:
-    """Return settings from plain data, as `Settings.plain` returns it or JSON has it.
+    """Return settings from plain data, which `Settings.plain` or a JSON file gives.
 
     Raises InputError for an unknown key, and for a value that is missing or invalid.
     """
@@ -452,46 +466,48 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
 
 # The recipe's values for a varying load; docs/cost.md has the effect of each.
 VARYING: dict[str, Any] = {
-    # An off-centre mass couples the normal row with friction: PGS has errors of up to 1e-1 after
-    # three iterations, without a warning, and converges in a hundred. Newton needs three, and ten
-    # cost a fifth more.
+    # An off-centre mass couples the normal force with friction. PGS then has errors of up to 1e-1
+    # after three iterations, without a warning, and needs a hundred to converge. Newton needs
+    # three, and ten iterations take 20 % more time.
     "solver": "Newton",
     "iterations": 10,
-    # The noslip solver takes a contact for singular if the product of its inverse inertia and these
-    # coefficients is small: with 20 from about 1e6 kg on, with 2000 far beyond.
+    # The noslip solver treats a contact as singular if the product of the inverse inertia and these
+    # coefficients is small. With 20 this happens from about 1e6 kg on, with 2000 only far above.
     "sliding_friction": 2000.0,
     "torsional_friction": Radii(2000.0),
-    # The weight of a pendulum acts on its hinge all the time, and changes its rate by ∫τ dt over
-    # the armature.
+    # The weight of a pendulum acts on its hinge all the time, and changes the hinge's rate by ∫τ dt
+    # divided by the armature.
     "drive": Prescribed(armature=1e18),
 }
-# The contact's softness and time constant [s], for MuJoCo's steps and for those of order 8. The
-# depth is the error, and goes as the softness and as the square of the constant. Newton stops at
-# 1e-15 m/s², which over the softness is a force: with 1e-5 it can lift a ball at rest out of its
-# contact. The constant is at least two timesteps, or twice the 2 ms of a model that MuJoCo does not
-# step.
+# The contact's softness and time constant [s], for MuJoCo's steps and for steps of order 8. The
+# contact's depth is an error. It is proportional to the softness and to the square of the time
+# constant. Newton's method stops at 1e-15 m/s². Divided by the softness, this is a force; with a
+# softness of 1e-5 it can lift a ball at rest out of its contact. The time constant is at least two
+# timesteps, or twice 2 ms in a model that MuJoCo does not step.
 _BY_MUJOCO, _BY_ORDER_8 = (3e-4, 0.01), (1e-4, 0.004)
-_OF_STEP = 1 / 3  # time constant over a step of order 8; at 1/4 some fast robots lift off
-# In place of noslip under order 8. The rounding of noslip's forces lifts a robot at rest off so
-# hard a contact. The friction creeps by (1 - d)/d/impratio; from 1e6 on Newton needs more steps.
+_OF_STEP = 1 / 3  # time constant divided by a step of order 8; at 1/4 some fast robots lift off
+# Replaces noslip for steps of order 8. The rounding errors of noslip's forces would lift a robot at
+# rest off so hard a contact. The contact creeps in proportion to (1 - d)/d/impratio. If impratio is
+# 1e6 or more, Newton's method needs more steps.
 _WITHOUT_NOSLIP: dict[str, Any] = {"noslip_iterations": 0, "impratio": 1e5}
 _SLIP_STEP = 2e-4  # s, in place of steps that the contact for slipping would shorten
-# 1/s, impedance over timestep. MuJoCo's cone pushes a ball that slips at the speed u up with the
-# acceleration d·b·μ·u, b the damping of friction; more than g lifts it off.
+# Impedance divided by timestep, 1/s. If a ball slips at the speed u, MuJoCo's cone pushes it up
+# with the acceleration d·b·μ·u, where b is the damping of friction. More than g lifts the ball off.
 _SLIP_IMPEDANCE = 0.2
 _SLIP_DAMPING = 0.9  # of the largest stable damping of friction
-# 1/s, tolerance over timestep. With 0.4 of the friction that they need, 31 of the catalog's 34
-# scenes stay below it over 10 s; the others are told to be sensitive or too stiff for the step.
+# Tolerance divided by timestep, 1/s. With 0.4 of the friction that rolling needs, 31 of the
+# catalog's 34 scenes stay below this tolerance over 10 s. The other three are reported as
+# sensitive, or as too stiff for the step.
 _SLIP_ERROR = 2.0
 
 
 def for_slip(scene: Scene, settings: Settings, step: float) -> Settings:
-    """Return settings with the recipe for a ball that slips, in steps [s].
+    """Return settings with the recipe for a ball that slips, for steps of `step` [s].
 
-    Three values must come together. The low impedance makes the contact a spring and damper, so
-    that MuJoCo's cone does not lift a ball that slips. The high impratio lets it stick all the
-    same. The damping of friction ends a slip in a step or two. In a slip friction is against the
-    slip that the ball will have after the time 1/damping, which is an error of first order.
+    Three values are needed together. The low impedance makes the contact a spring and damper, so
+    that MuJoCo's cone does not lift a ball that slips. The high impratio still allows the ball to
+    stick. The damping of friction ends a slip in a step or two. During a slip, friction opposes the
+    slip that the ball will have after the time 1/damping; this is an error of first order.
     """
     d = float(np.clip(_SLIP_IMPEDANCE * step, mujoco.mjMINIMP, 1e-3))
     integrator = (settings.integrator or MUJOCOS_DEFAULT) if settings.own else "RK4"
@@ -527,7 +543,7 @@ _RECIPE = recipe("", 1.0)
 
 
 def _for_load(settings: Settings, scene: Scene) -> Settings:
-    """Return the settings with the recipe's value for each one that is _BY_LOAD.
+    """Return the settings with each value that is _BY_LOAD replaced by the recipe's value.
 
     The recipe is `for_slip` if the scene's friction is exceeded. Otherwise it is CONSTANT if the
     normal force is constant, else VARYING with the softness and the time constant for the kind of
@@ -540,7 +556,8 @@ def _for_load(settings: Settings, scene: Scene) -> Settings:
         if slips(scene):
             step = settings.timestep if settings.own else None
             return for_slip(scene, settings, step or _SLIP_STEP)
-        # Beside a varying load, Newton's method and noslip can lift a ball in a small cone off.
+        # Under a varying load, Newton's method with noslip can lift off a ball whose friction cone
+        # is small.
         settings = replace(settings, slips=False)
     chosen = CONSTANT
     if scene.load_varies:
@@ -565,10 +582,10 @@ def _defaults() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Resolved:
-    """A scene under settings, with the numbers of its model.
+    """A scene and its settings, with the numbers of the MuJoCo model.
 
-    The settings have the recipe's values for the scene's load. A number that they leave open is
-    MuJoCo's default.
+    The settings have the recipe's values for the scene's load. A number that is None in the
+    settings is MuJoCo's default.
     """
 
     scene: Scene
@@ -589,7 +606,7 @@ class Resolved:
 
     @property
     def model_timestep(self) -> float:
-        """The timestep of MuJoCo's model [s], to two of which it raises a time constant."""
+        """The timestep of MuJoCo's model [s]; time constants are raised to two timesteps."""
         return self.timestep if self.settings.own else float(_defaults()[0].timestep)
 
     @property
@@ -637,7 +654,7 @@ class Resolved:
 
     @cached_property
     def friction_damping(self) -> float:
-        """The rate b [1/s] at which slip dies out."""
+        """The rate b [1/s] at which slip decays."""
         reference = self.settings.solreffriction
         # MuJoCo uses solref in a pyramidal cone, and if both numbers of solreffriction are 0.
         if not reference or not any(reference) or self.option("cone") != "elliptic":

@@ -16,7 +16,7 @@ from robotball.motion import pieces
 from robotball.robot.drives import Constant
 from robotball.rotations import Array
 
-_LOOK = 4096  # steps between two looks of the monitor; at most so many are taken after a fault
+_LOOK = 4096  # steps between two checks of the monitor; at most this many follow a fault
 
 
 @contextmanager
@@ -31,7 +31,7 @@ def controlled(model: Model) -> Iterator[Control]:
 
             control.order_8 = order_8 = Order8(control)
             control.step, control.steps = order_8.step, control.whole
-        # Crossing a limit costs first-order steps no accuracy.
+        # First-order steps lose no accuracy by crossing a limit.
         if model.has_torque_limits and integrator.order > 1:
             from robotball.engines.mujoco.parts import at_limits
 
@@ -65,7 +65,8 @@ def controlled(model: Model) -> Iterator[Control]:
 def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
     """Yield the stretches of a run over `times` (n,) [s], each of about _LOOK steps.
 
-    Between two sample times or breakpoints are the fewest equal steps not longer than `timestep`.
+    Steps between two sample times or breakpoints are equal, not longer than `timestep`, and as few
+    as possible.
     """
     # In pieces, so that the stretches of a long run are not all in memory.
     columns = spans(times, breakpoints, timestep)
@@ -93,12 +94,12 @@ def _stretches(times: Array, ends: Array, lengths: Array, counts: Array) -> Iter
 def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
     """Run over sample `times` (n,) [s] with steps not longer than the timestep.
 
-    A row is the state before its step, or inside it. The last row, alone, is the state at the end.
+    A row is the state before a step or inside it. Only the last row is the state at the end.
     """
     compiled, scene = control.model.compiled, control.model.scene
     step = _step if control.steps is None else _step_in_parts
     stops, of_model = times, compiled.opt.timestep
-    # The parts that dry friction makes are not known here, so samples end them.
+    # The parts of steps with dry friction are not known here, so steps end at the samples.
     if control.order_8 is not None and control.friction is None:
         control.order_8.pending, stops = times[1:-1], times[[0, -1]]
     for stretch in stretches(stops, scene.breakpoints, control.timestep):

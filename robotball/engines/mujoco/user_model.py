@@ -29,13 +29,13 @@ from robotball.user_model.robot_scene import scene_of, slipping
 
 _PATIENCE = 12.0  # s of processor time for one run
 _CLOCK_STEPS = 100  # steps between two readings of the clock
-# The sphere has left the plane if it has no contact for this part of the time, or rises this high.
+# The sphere has left the plane if it has no contact for this fraction of the time, or is this high.
 _ALOFT_TIME = 0.05
 ALOFT_HEIGHT = 0.01  # of the radius
 
 
 class Obstacle(NamedTuple):
-    """The first contact that the equations leave out: when [s], and between which geoms."""
+    """The first contact that the equations leave out: its time [s], and the two geoms."""
 
     time: float
     words: str
@@ -49,7 +49,7 @@ class UserModel:
     ----------
     robot : RobotFile
     controls : dict of Drive
-        By the names of actuators. Other actuators keep the controls of the keyframe.
+        The controls by actuator name. Other actuators keep the controls of the keyframe.
     key : str or None
         The keyframe to start at; the first one if None.
     push : float, m/s
@@ -81,7 +81,7 @@ class UserModel:
         return replace(self, robot=replace(self.robot, model=compiled(text)))
 
     def begin(self) -> mujoco.MjData:
-        """Return MjData at the start. Raises InputError if that state counts as diverged."""
+        """Return MjData at the start. Raises InputError if the start counts as diverged."""
         robot, data = self.robot, self.robot.start(self.key)
         self.control(data)
         data.time = 0.0  # controls begin at 0, whatever the time of the keyframe
@@ -99,7 +99,7 @@ class UserModel:
             data.ctrl[self.actuators[name]] = drive.rate(data.time)
 
     def step(self, data: mujoco.MjData, count: int = 1) -> None:
-        """Take steps, each with the controls at its time; in one call if these are constant."""
+        """Take steps with the controls at their times; in one call if controls are constant."""
         at_once = count if self.steady else 1
         for _ in range(count // at_once):
             self.control(data)
@@ -161,7 +161,7 @@ class UserModel:
 
 
 def turned(spins: Array, times: Array) -> Array:
-    """Return the angles (n,) [rad] turned since the first time with spins (n,) [rad/s]."""
+    """Return the rotation angles (n,) [rad] since the first time, for spins (n,) [rad/s]."""
     return np.append(0.0, np.cumsum(np.diff(times) * (spins[1:] + spins[:-1]) / 2))
 
 
@@ -182,19 +182,19 @@ class Symptoms:
     failure : str or None
         What ends the rolling.
     until : float, s
-        When it ends, or the end of the run.
+        The time at which rolling ends, or the end of the run.
     hops : bool
-        Whether it leaves the plane by less than a hundredth of the radius.
+        Whether the sphere leaves the plane by less than a hundredth of the radius.
     diverged : bool
         Whether the state diverged.
     inside : Counter
-        For two geoms that overlap from the start, the part of the steps in which they do.
+        For two geoms that overlap from the start, the fraction of the steps with overlap.
     limits : dict
-        The joints that reach their range, and when [s].
+        The joints that reach their range, with the times [s].
     delivered : float or None
-        The part of the declared rolling resistance that the contact exerts.
+        The fraction of the declared rolling resistance that the contact exerts.
     lag : dict
-        The tracking error of each servo over its command, both as root mean squares.
+        The tracking error of each servo divided by its command, as root mean squares.
     obstacle : Obstacle or None
     """
 
@@ -223,9 +223,9 @@ def observed(
 
     The motion ends early if the state diverges or the run takes too long.
 
-    scene: of the reference, for the duration and the shell. tolerance: slip over the path beyond
-    which it is a fault. every: steps from one row of the motion to the next. show: called with the
-    finished part. name: of the motion's settings, for labels.
+    scene: the scene of the reference, for the duration and the shell. tolerance: slip divided by
+    the path; above, slip is a fault. every: steps from one row of the motion to the next. show:
+    called with the finished fraction. name: name of the motion's settings, for labels.
     """
     robot, model, data = user.robot, user.robot.model, user.begin()
     rows, inside = list[_State](), Counter[tuple[int, int]]()
@@ -282,7 +282,7 @@ def observed(
 
 
 def _edge(robot: RobotFile, data: mujoco.MjData, rows: Sequence["_State"]) -> Obstacle | None:
-    """Return when the sphere rolls off the edge of the box on which it rolls, if it does."""
+    """Return the time at which the sphere rolls off the edge of its box, if it does."""
     model, plane = robot.model, robot.plane
     away = np.array([row.centre for row in rows]) - data.geom_xpos[plane]
     across = np.abs(away @ data.geom_xmat[plane].reshape(3, 3))[:, :2]
@@ -296,7 +296,7 @@ def _edge(robot: RobotFile, data: mujoco.MjData, rows: Sequence["_State"]) -> Ob
 def _failure(
     times: Array, lost: Mask, heights: Array, radius: float, diverged: float | None
 ) -> tuple[str | None, float, bool]:
-    """Return what ends the rolling, a flight or a diverged state, when [s], and whether it hops."""
+    """Return the end of rolling (flight or divergence), its time [s], and whether the ball hops."""
     failures, until = [], float(times[-1]) if diverged is None else diverged
     part, top = float(lost.mean()), float(heights[lost].max(initial=0.0))
     if part > _ALOFT_TIME or top > ALOFT_HEIGHT * radius:
@@ -306,7 +306,7 @@ def _failure(
         flight = f"No contact for {part:.1%} of the time; at most {top:.3g} m above the plane"
         failures.append(f"leaves the plane at t = {until:.3g} s. {flight}")
     if diverged is not None:
-        # Nothing after the first bad state is a fact: it may be thrown into the plane.
+        # States after the first bad state are meaningless: the sphere may be thrown into the plane.
         off = times[(heights > ALOFT_HEIGHT * radius) | (heights < -radius)]
         until = min([until, *off[:1].tolist()])
         left = f"; it leaves the plane at t = {until:.3g} s" if until < diverged else ""
@@ -370,7 +370,7 @@ def _row_of(robot: RobotFile, data: mujoco.MjData) -> _State:
 
 
 def _table_of(user: UserModel, data: mujoco.MjData, rows: Sequence[_State]) -> _State:
-    """Return the states of a run; data: any state of it, for the plane, which does not move."""
+    """Return the states of a run; data: any state, for the plane, which does not move."""
     robot, table = user.robot, _State(*map(np.array, zip(*rows, strict=True)))
     to_plane = robot.plane_axes(data)
     force = table.force @ to_plane.T
@@ -404,12 +404,12 @@ def _readings_of(user: UserModel, scene: Scene, table: _State) -> Readings:
         spin=turning[:, 2],
         friction_used=loads.sliding_friction / table.friction,
         touching=np.isfinite(depth),
-        sound=np.ones(len(centre), dtype=bool),  # a run ends before a state that is not
+        sound=np.ones(len(centre), dtype=bool),  # a run ends before an unsound state
     )
 
 
 def _limits(model: mujoco.MjModel, table: _State) -> dict[str, float]:
-    """Return the joints that reach their range, and when [s], the earliest first."""
+    """Return the joints that reach their range, with the times [s], the earliest first."""
     reached = {}
     for j in np.flatnonzero(model.jnt_limited):
         angle, (low, high) = table.qpos[:, model.jnt_qposadr[j]], model.jnt_range[j]
@@ -419,7 +419,7 @@ def _limits(model: mujoco.MjModel, table: _State) -> dict[str, float]:
 
 
 def _lags(user: UserModel, table: _State) -> dict[str, float]:
-    """Return the tracking errors of servos over their commands, both as root mean squares."""
+    """Return tracking errors of servos divided by their commands, as root mean squares."""
     model, lags = user.robot.model, {}
     # The torque of a servo is its gain times the tracking error.
     gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm

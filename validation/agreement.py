@@ -180,7 +180,7 @@ class Agreement(Value):
 
     @property
     def reference_error(self) -> float | None:
-        """The estimated path error of the reference; None if it has no estimate."""
+        """The estimated path error of the reference; None if the reference has no estimate."""
         theory = self.theory
         return theory.reference_error if isinstance(theory, ReferenceMotion) else None
 

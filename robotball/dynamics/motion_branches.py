@@ -305,7 +305,8 @@ def born_cycles(
 ) -> tuple[float, co.Branch]:
     """Return the first Lyapunov value at a Hopf point [1/s] and the first cycles born there.
 
-    The first of the branch's points, `most` at most, is the Hopf point. longest: as in `cycling`.
+    The branch has at most `most` points, and the first one is the Hopf point. longest: as in
+    `cycling`.
     """
     u, s = hopf.x[:-1], hopf.x[-1]
     flow, size = family.flow(u, s)

@@ -215,7 +215,7 @@ def starts_of(
 ) -> tuple[Parameters, Array, Array]:
     """Return a scene's Parameters, and the attitudes (n, 4) and momenta (n, 3) of its starts.
 
-    The arguments of `orbits` have the same form. If `starts` is None, the scene's start is used.
+    These values are arguments for `orbits`. If `starts` is None, the scene's start is used.
     """
     scene = scene_of(scene)
     scenes = [scene] if starts is None else FromStarts(scene, starts)

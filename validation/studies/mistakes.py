@@ -390,7 +390,7 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 
 
 def _with_rates(scene: Scene, hinges: list[int], factor: float) -> tuple[Scene, ...]:
-    """Scale the rates of hinges; keep M, the frame's ω and the shell's ω, one per scene."""
+    """Return scenes with scaled hinge rates that keep M, the frame's ω or the shell's ω."""
     rates = {scene.hinges[i].name: scaled_rate(scene.drives[i], factor) for i in hinges}
     changed = scene.with_hinges(command=rates)
     scenes = [changed, _kept(changed, scene)]

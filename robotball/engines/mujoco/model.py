@@ -1,7 +1,7 @@
 """Compose a scene's MuJoCo model from those parts in mjcf/ that the scene needs.
 
-The model is composed as text, which preserves every double. `MjSpec.attach` composes too, but
-`MjSpec.to_xml` writes six digits.
+The model is composed as text, which preserves every double. `MjSpec.attach` can compose models too,
+but `MjSpec.to_xml` writes only six digits.
 """
 
 from collections.abc import Iterator, Mapping

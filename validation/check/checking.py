@@ -22,7 +22,7 @@ _FIRST_LINE = 0.2  # s of a check, after which it says how long it takes
 
 @dataclass(frozen=True)
 class RobotCheck:
-    """The outcome of `check_robot`.
+    """Hold the outcome of `check_robot`.
 
     Attributes
     ----------
@@ -30,6 +30,12 @@ class RobotCheck:
         Whether the robot of the file moves and rolls as it should.
     message : str
         The verdict, the cause of an error and other symptoms, one a line.
+
+    Examples
+    --------
+    >>> from validation import RobotCheck
+    >>> RobotCheck(agrees=True, message="unmodified: agrees").agrees
+    True
     """
 
     agrees: bool
@@ -62,6 +68,7 @@ def check_robot(
     Returns
     -------
     RobotCheck
+        The verdict, and its words.
 
     Raises
     ------
@@ -70,9 +77,14 @@ def check_robot(
 
     Examples
     --------
+    >>> from pathlib import Path
     >>> import robotball as rb
-    >>> check = rb.check_robot("examples/first_robot.xml", 1.0)
-    >>> check.agrees
+    >>> damped = '<joint type="free" damping="1"/>'
+    >>> ball = f'<body pos="0 0 .1">{damped}<geom size=".1"/></body>'
+    >>> floor = '<geom type="plane" size="9 9 1"/>'
+    >>> text = f"<mujoco><worldbody>{floor}{ball}</worldbody></mujoco>"
+    >>> length = Path("ball.xml").write_text(text)
+    >>> rb.check_robot("ball.xml", 1.0).agrees
     False
     """
     checked, notes = checked_robot(Path(file), controls or {}, duration, accuracy)

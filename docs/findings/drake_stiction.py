@@ -1,4 +1,4 @@
-"""In continuous time a ball slips at a fraction of the stiction tolerance, at any step.
+"""In continuous time a ball slips with a speed that is a fraction of the stiction tolerance.
 
 A sphere rolls down a slope with friction 1, with RK3 at accuracy 1e-8. Printed: the slip after 0.5
 s over the stiction tolerance vs, for two tolerances. So vs determines the error of rolling.

@@ -143,7 +143,7 @@ class Problem:
 
 
 def steady(residual: _Residual, exponents: _Residual, watch: Watch = SILENT) -> Problem:
-    """Return the problem of finding the zeros of an analytic function; exponents: (k,) at each."""
+    """Return the problem of finding zeros of an analytic function; exponents (k,): of a zero."""
 
     def look(u: Array, s: float) -> Linearization:
         return residual(u, s), derivatives(residual, u, s), lambda: exponents(u, s)

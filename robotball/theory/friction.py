@@ -145,9 +145,9 @@ def find_direction(
 ) -> None:
     """Set the modes to the direction in which a shell begins to slip or to roll.
 
-    The plane's reaction is opposite to the direction d, and d is parallel to the acceleration, so
-    also to the velocity after a moment, which `motion_of` gives. This velocity is a + Cd, with
-    nearly constant a and C. guess: a unit vector.
+    The plane's reaction is opposite to the direction d. The shell accelerates along d, so a short
+    time later (`NUDGE`) its velocity is also parallel to d. `motion_of` gives this velocity, which
+    is a + Cd with nearly constant a and C. guess: a unit vector.
     """
 
     def ahead(direction: Array) -> Array:

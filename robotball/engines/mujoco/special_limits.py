@@ -203,10 +203,11 @@ def _dry_friction(plan: PlannedRun) -> float:
 def drive_seen(plan: PlannedRun) -> LimitCheck | None:
     """Predict the error of a drive's mean rate: a step reads the drive at few times only.
 
-    It is the error of the mean rate over a step: for slow drives of the step's order, Simpson's for
-    RK4, and the size of the drive itself if its period is no longer than the step. The rates at the
-    ends of steps do not show it, because a drive whose period divides the timestep is constant
-    there.
+    It is the error of the mean rate over a step, relative to the drive's largest rate. A slow drive
+    has the small error of a quadrature rule: the rule of the steps of order 8, or Simpson's. If the
+    drive's period is no longer than the step, the error may be as large as the drive itself. The
+    rates at the ends of steps do not show it, because a drive whose period divides the timestep is
+    constant there.
     Measured on fig12 with a sine in the frame's rate: path error 0.64 to 0.7 of it from 7 to 50 Hz,
     1.0 of it at half the rate of the steps, and 0.6 to 1.9 of it if the period divides the
     timestep.

@@ -406,7 +406,7 @@ def _frictionloss(seen: Observation, step: float) -> Iterator[Change]:
 def _overriding(change: Change) -> Change:
     """Return a change that also sets the options `o_margin` and so on, as its pair.
 
-    MuJoCo's flag `override` takes these options in place of the values of a pair.
+    MuJoCo's flag "override" takes these options in place of the values of a pair.
     """
     options = {f"o_{name}": change.pair[name] for name in _OVERRIDDEN if name in change.pair}
     if not options:

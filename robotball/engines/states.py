@@ -111,20 +111,28 @@ def start_states(scenes: Sequence[Scene]) -> State:
     names = ("attitude", "momentum", "slip")
     attitude, momentum, slip = (np.array([getattr(s, name) for s in starts]) for name in names)
     slip = slip + (scene.start_slip - scene.start.slip)  # a turning plane turns a rubber shell
-    R, axes, shell = rotation_matrix(attitude), scene.principal_axes, scene.ball.shell
+    R, axes = rotation_matrix(attitude), scene.principal_axes
     if scene.not_reduced:
         turning = np.array([scene.angular_velocity_at(start) for start in starts])
     else:
         M, gamma = np.einsum("nji,nj->ni", R, momentum) @ axes, R[:, 2] @ axes
-        omega = scene.parameters_at(0.0).angular_velocity((*M.T,), (*gamma.T,))
-        turning = np.array(omega).T @ axes.T
+        turning = np.array(scene.parameters_at(0.0).angular_velocity((*M.T,), (*gamma.T,))).T
+        turning = turning @ axes.T
     rates = np.array([[float(drive.rate(0.0)) for drive in scene.drives]] * len(starts))
-    # The scene gives the frame's ω; the shell turns against it at the first hinge's rate.
-    turned = rates[:, :1].sum(axis=1, keepdims=True) * shell.axis  # 0 without a frame
-    shell_omega = np.einsum("nij,nj->ni", R, turning - turned)
+    omega = shell_omega(scene, attitude, turning, rates)
     centre = np.tile(scene.ball.radius * _UP, (len(starts), 1))
-    velocity = np.cross(shell_omega, centre) + slip * [1.0, 1.0, 0.0]
-    return State(centre, velocity, attitude, shell_omega + slip * _UP, 0.0 * rates, rates)
+    velocity = np.cross(omega, centre) + slip * [1.0, 1.0, 0.0]
+    return State(centre, velocity, attitude, omega + slip * _UP, 0.0 * rates, rates)
+
+
+def shell_omega(scene: Scene, attitude: Array, frame_omega: Array, rates: Array) -> Array:
+    """Return the shell's angular velocity (n, 3) [rad/s], world axes.
+
+    The scene gives the angular velocity (n, 3) of the frame, in its axes. The shell turns against
+    the frame at the rate of the first hinge, of rates (n, h).
+    """
+    turned = rates[:, :1].sum(axis=1, keepdims=True) * scene.ball.shell.axis  # 0 without a frame
+    return np.einsum("nij,nj->ni", rotation_matrix(attitude), frame_omega - turned)
 
 
 def readings_of(

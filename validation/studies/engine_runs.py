@@ -24,6 +24,7 @@ from robotball import InputError, engine_named, engine_names, integrate, load_sc
 from robotball.engines.adapter import Adapter, not_installed
 from robotball.engines.engine import DEFAULT, Request, run_request
 from robotball.engines.environments import interpreter_of, make, python_named
+from robotball.engines.states import shell_omega
 from robotball.motion import ContactMotion, EngineSettings, Motion, ReferenceMotion, measured_time
 from robotball.rotations import Array, rotation_matrix
 
@@ -214,7 +215,7 @@ def slip_quality(motion: ContactMotion, theory: ReferenceMotion) -> dict[str, fl
     """
     scene, report, force = theory.scene, motion.report, motion.loads.contact_force
     W = np.where(np.isfinite(scene.slip_limits), scene.slip_limits, 0.0)
-    right, slip = np.linalg.norm(W * theory.slip, axis=1), W * slip_of(motion)
+    right, slip = np.linalg.norm(W * theory.slip, axis=1), W * slip_velocity(motion)
     (begin, end), own = theory.slipping[0], np.linalg.norm(slip, axis=1)
     peak = np.where((theory.times >= begin) & (theory.times <= end), right, 0.0).argmax()
     ends = [_end_of_slip(theory.times, speed, int(peak)) for speed in (right, own)]
@@ -233,16 +234,19 @@ def slip_quality(motion: ContactMotion, theory: ReferenceMotion) -> dict[str, fl
     return {name: known(float(value)) for name, value in residuals.items()}
 
 
-def slip_of(motion: Motion) -> Array:
+def slip_velocity(motion: Motion) -> Array:
     """Return the slip (n, 3) of a motion, as in `ReferenceMotion`, from its path and rotation.
 
     MuJoCo reports no slip of a ball that has left the plane.
     """
-    hinge = motion.hinge_rates[:, :1].sum(axis=1, keepdims=True)  # 0 without a frame
-    turning = motion.angular_velocity - hinge * motion.scene.ball.shell.axis
-    shell = np.einsum("nij,nj->ni", rotation_matrix(motion.attitude), turning)
     velocity = np.gradient(motion.contact_point, motion.times, axis=0, edge_order=2)
-    return motion.scene.slip_of(motion.times, motion.contact_point, velocity, shell)
+    return motion.scene.slip_of(motion.times, motion.contact_point, velocity, _shell_of(motion))
+
+
+def _shell_of(motion: Motion) -> Array:
+    """Return the shell's angular velocity (n, 3) [rad/s], world axes."""
+    omega, rates = motion.angular_velocity, motion.hinge_rates
+    return shell_omega(motion.scene, motion.attitude, omega, rates)
 
 
 def _end_of_slip(times: Array, speed: Array, peak: int) -> float:
@@ -270,9 +274,8 @@ def kinetic_energy(motion: Motion, depth: Array) -> tuple[Array, Array]:
     L = np.cross(motion.momentum, _UP) if motion.scene.rolling == "rubber" else motion.momentum
     carried = L - np.einsum("nij,nj->ni", R, omega @ ball.inertia + k)
     v = np.cross(carried, _UP) / (ball.mass * arm)
-    shell = np.einsum("nij,nj->ni", R, omega - rates[:, :1] * ball.shell.axis)
     # The norm of a column of the gyrostatic inertia is the inertia of that hinge.
     spinning = rates**2 @ np.linalg.norm(ball.gyrostatic_inertia, axis=0)
     turning = (omega * (omega @ ball.inertia + 2 * k)).sum(axis=1)
     energy = (ball.mass * (v * v).sum(axis=1) + turning + spinning) / 2
-    return energy, v - arm * np.cross(shell, _UP)
+    return energy, v - arm * np.cross(_shell_of(motion), _UP)

@@ -50,8 +50,8 @@ class Map:
 
     Attributes
     ----------
-    name, title : str
-        The name and the title.
+    name : str
+        The name.
     held : str
         The quantities that stay fixed.
     x, y : _Axis
@@ -71,7 +71,6 @@ class Map:
     """
 
     name: str
-    title: str
     held: str
     x: _Axis
     y: _Axis
@@ -120,7 +119,6 @@ MAPS: dict[str, Map] = {
     for chosen in (
         Map(
             "momentum",
-            "timestep × momentum |K|",
             "A, Ω, M and the direction of K; the rotor's rate and axis give K",
             _TIMESTEPS,
             _Axis("|K| [kg m²/s]", _decades(0.1, 1e4, 9)),
@@ -128,7 +126,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "frame",
-            "timestep × frame's rate |Ω|",
             "A, K and M; the rotor's rate and axis make up for the frame's",
             _TIMESTEPS,
             _Axis("|Ω| [rad/s]", _decades(0.01, 1e4, 9)),
@@ -136,7 +133,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "rotor",
-            "timestep × rotor's speed at fixed K",
             "A, Ω, K and M: the faster the rotor, the smaller its inertia",
             _TIMESTEPS,
             _Axis("rotor's speed [rad/s]", _decades(10, 1e11, 9)),
@@ -144,7 +140,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "masses",
-            "mass of rotor : frame : shell",
             "total mass, shapes of the bodies, their rates, M",
             _Axis("frame's mass / shell's", _decades(1e-6, 1e6, 9)),
             _Axis("rotor's mass / frame's", _decades(1e-6, 1e6, 9)),
@@ -152,7 +147,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "scale",
-            "scale of mass × scale of length",
             "rates and times: M goes with mass·length², gravity with length",
             _Axis("masses × ", _decades(1e-9, 1e9, 9)),
             _Axis("lengths × ", _decades(1e-9, 1e9, 9)),
@@ -160,7 +154,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "friction",
-            "sliding friction × gravity",
             "the ball and its start; torsional friction 1e6 m",
             _Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
             _Axis("gravity [m/s²]", _decades(1e-3, 1e3, 7)),
@@ -171,7 +164,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "torsion",
-            "sliding × torsional friction",
             "the ball, its start and gravity, 9.81 m/s²",
             _Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
             _Axis("coefficient of torsional friction [m]", _decades(1e-3, 1e6, 10)),
@@ -183,7 +175,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "gravity",
-            "gravity × time constant of the contact",
             "the ball and its start; the margin carries the weight, at whatever depth",
             _Axis("gravity [m/s²]", _decades(1e-9, 1e6, 11)),
             _Axis("solref's time constant [s]", _decades(0.01, 10, 9)),
@@ -192,7 +183,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "contact",
-            "stiffness × friction damping of the contact",
             "the ball and its start; damping ratio 1, in solref's direct form",
             _Axis("time constant of the contact [s]", _decades(1e-5, 10, 9)),
             _Axis("solreffriction's damping b [1/s]", _decades(1e-3, 1e6, 10)),
@@ -204,7 +194,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "servo",
-            "timestep × servo gain",
             "the ball and its start; the same gain kv on both hinges, j of the rotor",
             _TIMESTEPS,
             _Axis("kv/j [1/s]", _decades(0.1, 1e7, 9)),
@@ -214,7 +203,6 @@ MAPS: dict[str, Map] = {
         ),
         Map(
             "duration",
-            "timestep × duration",
             "the ball and its start; a limit cycle or a regular motion, so not chaos",
             _LONG_TIMESTEPS,
             _Axis("duration [s]", _decades(0.1, 1e5, 7)),

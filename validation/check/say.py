@@ -41,8 +41,8 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
     """Return the table, record, picture and lines of a check. notes: lines to begin with."""
     seen, theory = checked.observation, checked.observation.theory
     file = seen.user.robot.path
-    causes, rows = causes_of(checked), _rows(checked)
-    lines = lines_of(checked, notes)
+    causes = causes_of(checked)
+    rows, lines = _rows(checked, causes), lines_of(checked, notes)
     # The error of a motion that breaks off, or in which nothing moves, has no meaning.
     meant = seen.judged and not seen.symptoms.failure
     others = {name: error for name, error in seen.errors.items() if name != theory.scene.rolling}
@@ -69,11 +69,11 @@ def study_of(checked: Checked, notes: Sequence[str]) -> Study:
 
 def lines_of(checked: Checked, notes: Sequence[str]) -> list[str]:
     """Return the lines of a check: the notes, the verdict, the symptoms and the mended error."""
-    accuracy = checked.observation.accuracy
-    lines = [*notes, *_verdict(checked), *_symptoms(checked)]
+    accuracy, causes = checked.observation.accuracy, causes_of(checked)
+    lines = [*notes, *_verdict(checked, causes), *_symptoms(checked)]
     if checked.is_changed:
         error = checked.mended_error
-        marked = any(row["change"].startswith("!") for row in _rows(checked))
+        marked = any(row["change"].startswith("!") for row in _rows(checked, causes))
         todo = "mend what is marked !, and check again" if marked else "try a shorter --duration"
         missed = f", above {accuracy:g}: {todo}" if error > accuracy else ""
         words = f"path error {scientific(error)}{missed}" if np.isfinite(error) else "it diverges"
@@ -81,8 +81,8 @@ def lines_of(checked: Checked, notes: Sequence[str]) -> list[str]:
     return lines
 
 
-def _rows(checked: Checked) -> list[dict[str, Any]]:
-    causes, repairs = causes_of(checked), checked.observation.user.robot.repairs
+def _rows(checked: Checked, causes: Sequence[str]) -> list[dict[str, Any]]:
+    repairs = checked.observation.user.robot.repairs
     rows = [_row(f"+ {name}", words) for name, words in repairs.items()]
     rows += [_row(f"+ {change.name}", change.words, without) for change, without in checked.needed]
     named = {row["change"] for row in rows}
@@ -139,7 +139,7 @@ def causes_of(checked: Checked) -> list[str]:
     return causes
 
 
-def _verdict(checked: Checked) -> Iterator[str]:
+def _verdict(checked: Checked, causes: Sequence[str]) -> Iterator[str]:
     """Yield whether the file agrees, or how it fails, and the first cause."""
     seen, accuracy = checked.observation, checked.observation.accuracy
     theory, radius = seen.theory, seen.user.robot.radius
@@ -165,7 +165,6 @@ def _verdict(checked: Checked) -> Iterator[str]:
         nearest = theory.scene.rolling
         others = "".join(f" ({name}: {it})" for name, it in errors.items() if name != nearest)
         yield f"rolling: {nearest}{others}"
-    causes = causes_of(checked)
     # Friction that is too small is not an error of the contact, which may have another.
     friction = causes[:1] and causes[0].startswith("friction: it")
     many = 1 + bool(friction and checked.needed) + len(repairs) * bool(seen.failure)

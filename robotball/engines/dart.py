@@ -21,9 +21,8 @@ class _DartSettings(adapter.PointSettings):
     """Settings of a DART run."""
 
     friction: float | None = None  # of ball and plane
-    law: Literal["Coulomb", "Associated", "Box"] | None = (
-        None  # of friction; None: a box by Dantzig
-    )
+    # The law of friction with NSGS. None: a box with Dantzig's solver.
+    law: Literal["Coulomb", "Associated", "Box"] | None = None
 
 
 def _skeleton(scene: Scene, dart: Any) -> Any:

@@ -31,6 +31,7 @@ OUT = Path("out")
 # in rad for the attitude.
 TOLERANCE = 1e-2
 CHECKED = 1e-3  # largest path error of a robot file that agrees
+CHECK_TIME = 10.0  # s, simulated time of a check
 _QUICK = 1.0  # s, simulated by a quick form of a study
 
 

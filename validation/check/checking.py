@@ -11,7 +11,7 @@ from robotball.robot.formulas import Rolling
 from robotball.scene_files.scene_keys import ask
 from robotball.user_model.robot_file import open_robot, starts_off
 
-from ..options import CHECKED
+from ..options import CHECK_TIME, CHECKED
 from ..output import progress_bar
 from .ablate import Checked, check_model
 from .observe import made_to_move
@@ -44,7 +44,7 @@ class RobotCheck:
 
 def check_robot(
     file: str | Path,
-    duration: float = 10.0,
+    duration: float = CHECK_TIME,
     *,
     controls: Mapping[str, Rate] | None = None,
     accuracy: float = CHECKED,
@@ -94,7 +94,7 @@ def check_robot(
 def checked_robot(
     file: Path,
     controls: Mapping[str, Rate],
-    duration: float = 10.0,
+    duration: float = CHECK_TIME,
     accuracy: float = CHECKED,
     shell: str | None = None,
     rolling: Rolling | None = None,

@@ -56,7 +56,7 @@ def check(
     from ..study import present
 
     writable_folder(out)
-    seconds = 10.0 if duration is None else duration
+    seconds = options.CHECK_TIME if duration is None else duration
     checked, notes = checked_robot(
         file, controls_of(control), seconds, accuracy, shell, rolling, keyframe
     )
